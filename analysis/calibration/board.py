@@ -1,4 +1,4 @@
-"""Calibration boards: what ``--board`` says, where their corners are, and finding them.
+"""Calibration boards: their notation in ``--board``, their corners, and their detection.
 
 Board frame B: z into the board, away from who looks at it, x along its rows to the right and y
 down. A chessboard's origin is its first inner corner; where one of its numbers of inner corners
@@ -63,7 +63,7 @@ class Chessboard:
 
     @property
     def directed(self) -> bool:
-        """Whether its ends can be told apart."""
+        """Whether its ends differ."""
         return (self.columns + self.rows) % 2 == 1
 
     @cached_property

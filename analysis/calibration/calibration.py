@@ -1,4 +1,4 @@
-"""One camera or two calibrated from pictures of a board: what ``chamfer calibrate`` does."""
+"""Calibrates one camera or two from pictures of a board, for ``chamfer calibrate``."""
 
 import argparse
 import math
@@ -78,7 +78,7 @@ def picture_files(paths: Sequence[Path]) -> tuple[Path, ...]:
 def see_board(
     board: Board, files: Sequence[Path], *, names: dict[bytes, str], progress: Progress
 ) -> tuple[list[Picture], Size]:
-    """Look for a board in pictures, and return what was seen and the size of most of them.
+    """Detect a board in pictures, and return the detections and the most frequent size.
 
     The names are of pictures that are not to be used once more, by what is in them.
     """
@@ -114,7 +114,7 @@ def see_board(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """Calibrated cameras, and what became of each of their pictures."""
+    """Calibrated cameras, and the use of each of their pictures."""
 
     cameras: CameraFile
     pictures: tuple[tuple[Picture, ...], ...]  # of each camera
@@ -236,7 +236,7 @@ def _measured(fit: Fit, where: Sequence[slice], of: Callable[[Array], Array]) ->
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what the command was asked for, and return its exit status."""
+    """Run the command, and return its exit status."""
     try:
         board = parse_board(arguments.board)
     except ParameterError as error:

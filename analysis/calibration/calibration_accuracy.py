@@ -1,4 +1,4 @@
-"""Drawn boards calibrated as photographs are, beside the cameras that they were drawn with."""
+"""Calibrates from drawn boards, and compares with the cameras that drew them."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -64,7 +64,7 @@ class BoardPoses:
 def draw_board(
     board: Board, camera: Camera, picture: BoardPicture, random: np.random.Generator
 ) -> Grey:
-    """Return what a camera, whose world is the board, sees of it: grey levels."""
+    """Return a camera's image of a board at the world's origin: grey levels."""
     image = np.full((camera.height, camera.width), _BEHIND)
     areas = [(_outline(board, board.square / 2), _WHITE - _BEHIND)]
     areas += [(square, _BLACK - _WHITE) for square in _black(board)]
@@ -297,7 +297,7 @@ def _vector(of: CalibratedCamera | Intrinsics) -> Array:
 
 
 def run(scenario: CalibrationScenario, seed: int, progress: Progress) -> Outcome:
-    """Draw sets of pictures, calibrate each, and compare with what it was drawn with."""
+    """Draw sets of pictures, calibrate each, and compare with the true cameras."""
     finished = run_each(partial(_calibrate, scenario, seed), range(scenario.sets), progress)
     finished.require("a calibration can't be compared")
     traces: dict[str, Array] = {"set": column(list(finished.tasks))}

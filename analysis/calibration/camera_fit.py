@@ -76,7 +76,7 @@ class Adjustment:
         return math.sqrt(all_of @ all_of / max(1, len(all_of) - len(self.parameters)))
 
     def deviations(self, where: slice | NDArray[np.int64], jacobian: Array) -> Array:
-        """Return standard deviations, (m,), of what moves, (m, n), with parameters somewhere."""
+        """Return standard deviations, (m,), of quantities with the derivatives (m, n)."""
         of_both = [jacobian @ one[where][:, where] @ jacobian.T for one in self.covariances]
         return np.asarray(np.sqrt(np.max([np.diag(one) for one in of_both], axis=0)))
 
@@ -93,7 +93,7 @@ class Adjustment:
 def adjust(
     sights: Sequence[BoardView], start: Array, *, places: Places, noise: Sequence[float]
 ) -> Adjustment:
-    """Adjust cameras and boards to what was seen, from parameters near the best ones, shape (n,).
+    """Fit cameras and boards to the detections, from parameters near the best, shape (n,).
 
     Pictures are numbered from 0 on, without gaps. The noise is the standard deviation of a
     coordinate, up to a common factor, of each camera.
@@ -243,7 +243,7 @@ _TILT: Final = "tilt the board by 20 to 40 degrees, each time to another side"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Picture:
-    """A picture, the board's corners in it, and what became of it."""
+    """A picture, the board's corners in it, and its use."""
 
     name: str
     corners: Corners | None = None
@@ -393,7 +393,7 @@ def fit_pair(fits: Sequence[Fit]) -> Fit:
 
 
 def doubts(fit: Fit, sizes: Sequence[tuple[int, int]], whose: Sequence[str]) -> tuple[str, ...]:
-    """Return what is to be said of what is hardly known of cameras with pictures of some sizes.
+    """Return warnings of poorly determined parameters of cameras with given picture sizes.
 
     Raises:
         UserError: If one is not known.

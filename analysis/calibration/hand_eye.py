@@ -167,7 +167,7 @@ def _adjusted(
     kind = np.tile([0, 0, 0, 1, 1, 1], count)  # rotations and shifts
 
     def after(step: Array) -> Array:
-        """Return what remains after steps of X_TC, X_WB and all boards' poses, shape (18,)."""
+        """Return the residuals after steps of X_TC, X_WB and all boards' poses, shape (18,)."""
         X_CB = transform(boards + step[12:])
         return _apart(X_WT, X_CB, _moved(X_TC, step[:6]), _moved(X_WB, step[6:12])).ravel()
 
@@ -267,7 +267,7 @@ def _said(apart: Array) -> str:
 
 
 def plot_hand_eye(found: HandEye) -> Figure:
-    """Draw what remains of each picture."""
+    """Draw the residuals of each picture."""
     numbers = np.arange(len(found.names))
     names = [one[-21:].replace("$", r"\$") for one in found.names]
     figure = new_figure(9.0, max(3.8, 0.17 * len(names) + 1.4))

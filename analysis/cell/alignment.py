@@ -235,7 +235,7 @@ def figures(scenario: AlignmentScenario, outcome: Outcome) -> Mapping[str, Figur
 
 
 def resolve_alignment(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     resolved = resolve(scenario)
     require_fine_enough(resolved)
     return resolved
@@ -263,7 +263,7 @@ _END: Final[Style] = {"color": "black", "marker": "o", "linestyle": "none", "mar
 
 
 def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str, str]) -> Figure:
-    """Draw both cameras' pictures at some moments, by what to say of each, with what was detected.
+    """Draw both cameras' pictures at some moments, with titles and detections.
 
     Where they are not believed to be straight they are straightened, as they are before detection.
     """
@@ -426,7 +426,7 @@ RUNS: Final = ("uncompensated", "compensated")
 
 
 def resolve_tracking(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
-    """Refuse what leaves nothing to compare, or to see."""
+    """Refuse scenarios without a comparison, or without an effect."""
     if scenario.axis != "horizontal":
         allowed = "horizontal, for a peg that goes up to the height of the hole"
         raise ParameterError("axis", scenario.axis, allowed)

@@ -86,7 +86,7 @@ class AlignmentComparisonScenario(AlignmentTrialsScenario):
 class ResolvedAlignmentComparisonScenario(
     ResolvedAlignmentTrialsScenario, AlignmentComparisonScenario
 ):
-    """The same with nothing left open."""
+    """The scenario with no field left open."""
 
 
 COMPARISON: Final = AlignmentComparisonScenario()
@@ -94,7 +94,7 @@ _Resolved = ResolvedAlignmentComparisonScenario
 
 
 def resolve(scenario: AlignmentComparisonScenario) -> _Resolved:
-    """Refuse what the comparison sets itself, and what leaves nothing to compare."""
+    """Refuse fields that the comparison sets itself, and scenarios without a comparison."""
     if scenario.controller != ControllerChoice():
         raise ParameterError("controller.kind", scenario.controller.kind, "fsm; both are run")
     if scenario.compensated == "none":
@@ -161,7 +161,7 @@ def score(finished: Trials[ControllerTrial]) -> float:
 
 
 def run(scenario: _Resolved, seed: int, progress: Progress) -> Outcome:
-    """Tune both if asked to, and compare them."""
+    """Tune both if the scenario wants it, and compare them."""
     tables: dict[str, dict[str, NDArray[np.float64]]] = {}
     chosen = _with_both(scenario)
     simulated = 0

@@ -190,7 +190,7 @@ def true_errors(peg: Array, hole: Array) -> TrueErrors:
 
 
 def row_before(time: Array, begin: float) -> int:
-    """Return the last row before a time, s; the first if there is none."""
+    """Return the last row before a time, s, or the first row."""
     return max(int(np.searchsorted(time, begin - 1e-9)) - 1, 0)
 
 
@@ -243,7 +243,7 @@ def arm_limits(traces: Table, scenario: AlignmentScenario) -> dict[str, float]:
 
 
 def vision_errors(traces: Table, row: int, pixel_size: float) -> dict[str, float | None]:
-    """Return what the measured errors are off at a row, m and rad; None if nothing is measured."""
+    """Return the measured minus the true errors at a row, m and rad; None if not measured."""
     values: dict[str, float | None] = {}
     for name, (across, _) in _ACROSS.items():
         scale = pixel_size if name == "lateral" else 1.0
@@ -305,7 +305,7 @@ def warn_of_stops(rows: Mapping[str, Array]) -> None:
 
 
 def stopped_metrics(rows: Mapping[str, Array]) -> dict[str, Metric]:
-    """Return likewise in which share of trials the loop went wrong, and warn of it."""
+    """Return the share of trials in which the loop failed, and warn of it."""
     warn_of_stops(rows)
     shares = {name: 100 * float(rows[name].mean()) for name in _STOPS}
     of = f"of {len(rows['diverged'])} trials"
@@ -464,7 +464,7 @@ class AlignmentTrialsScenario(AlignmentScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedAlignmentTrialsScenario(ResolvedAlignmentScenario, AlignmentTrialsScenario):
-    """The same with nothing left open."""
+    """The scenario with no field left open."""
 
 
 TrialsT = TypeVar("TrialsT", bound=ResolvedAlignmentTrialsScenario)
@@ -496,7 +496,7 @@ def require_starts(scenario: AlignmentScenario, spread: Spread) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class RepeatabilityScenario(AlignmentTrialsScenario):
-    """The same, with the support to whose wedging diagram the errors belong."""
+    """The trials, with the support whose wedging diagram judges the errors."""
 
     support: OpenSupport = field(default_factory=OpenSupport)
     # for the margins; open fields: derived from the arms, where two points may begin to wedge
@@ -510,7 +510,7 @@ class RepeatabilityScenario(AlignmentTrialsScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedRepeatabilityScenario(ResolvedAlignmentTrialsScenario, RepeatabilityScenario):
-    """The same with nothing left open."""
+    """The scenario with no field left open."""
 
 
 REPEATABILITY: Final = RepeatabilityScenario()
@@ -544,7 +544,7 @@ def align(scenario: ResolvedAlignmentTrialsScenario, seed: int, trial: int) -> R
 def align_all(
     scenario: ResolvedAlignmentTrialsScenario, seed: int, progress: Progress
 ) -> Trials[int]:
-    """Run as many trials as the scenario asks for; a task is a trial's number."""
+    """Run the scenario's number of trials; a task is a trial's number."""
     return run_each(partial(align, scenario, seed), range(scenario.trials), progress)
 
 
@@ -596,7 +596,7 @@ def settled_trials(finished: Trials[Any], note: str) -> dict[str, Metric]:
 
 
 def margins(finished: Trials[Any], parts: PegHoleGeometry, support: Support) -> dict[str, Metric]:
-    """Return what the worst trial leaves to the wedging diagram's box and to its sides.
+    """Return the worst trial's margins to the wedging diagram's box and to its sides.
 
     As the signs of the two errors in the plane of insertion are not known from their sizes, the
     worse one is taken; of the least over all compliance centres the same sign, which is.

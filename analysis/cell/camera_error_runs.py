@@ -76,7 +76,7 @@ def with_error(
 
 
 def beside(scenario: ScenarioT, off_axis: float) -> ScenarioT:
-    """Return a scenario with cameras that stand further down in their images, as is known."""
+    """Return a scenario with cameras shifted down in their images, known to the controller."""
     cameras = scenario.cameras
     for view in VIEWS:
         place = {"position": (0.0, off_axis, 0.0)}
@@ -86,7 +86,7 @@ def beside(scenario: ScenarioT, off_axis: float) -> ScenarioT:
 
 
 def brightness_ramp(size: float) -> Callable[[Image], Image]:
-    """Return what makes a picture brighter downwards, by a share of it from border to border."""
+    """Return the change that brightens a picture downwards, by a share from border to border."""
 
     def change(image: Image) -> Image:
         ramp = 1 + size * np.linspace(-0.5, 0.5, len(image))[:, np.newaxis, np.newaxis]
@@ -247,7 +247,7 @@ class CameraErrorsScenario(AlignmentTrialsScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedCameraErrorsScenario(ResolvedAlignmentTrialsScenario, CameraErrorsScenario):
-    """The same with nothing left open."""
+    """The scenario with no field left open."""
 
 
 class ErrorAtRest(NamedTuple):
@@ -269,7 +269,7 @@ class ErrorRun(NamedTuple):
 
 
 def left(study: ResolvedCameraErrorsScenario, pose: Array, hole: Array) -> dict[str, Array]:
-    """Return what :data:`LEFT` names, shape (n,), of poses of peg and hole, shape (n, 7)."""
+    """Return the errors of :data:`LEFT`, shape (n,), of poses of peg and hole, shape (n, 7)."""
     found = true_errors(pose, hole)
     back = Rotation.from_quat(pose[:, :4], scalar_first=True).apply([-study.behind, 0.0, 0.0])
     moved = pose.copy()
@@ -283,7 +283,7 @@ def left(study: ResolvedCameraErrorsScenario, pose: Array, hole: Array) -> dict[
 
 
 def at_rest(study: ResolvedCameraErrorsScenario, task: ErrorAtRest) -> Row:
-    """Return where the parts are taken to be aligned, shape (n,); NaN where one is not seen."""
+    """Return the true errors of parts that look aligned, shape (n,); NaN where one is not seen."""
     error = BY_NAME[task.error]
     values: dict[str, list[float]] = {name: [] for name in (*LEFT, "gap_error")}
     hole = pose_vector(study.nominal_pose("hole"))[np.newaxis]
@@ -315,7 +315,7 @@ def reached(size: Array, left: Array, wanted: float) -> float | None:
 
 
 def run_once(study: ResolvedCameraErrorsScenario, seed: int, task: ErrorRun) -> Row:
-    """Run the loop, and return what is left soon and late; it depends on its arguments alone.
+    """Run the loop, and return the early and late errors; it depends on its arguments alone.
 
     ``seen`` is 0 where nothing was measured in the end: what is left then is of the start, or of
     where the parts were lost. No run is made where they are not in view to begin with.

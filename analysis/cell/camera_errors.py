@@ -59,7 +59,7 @@ CAMERA_ERRORS: Final = CameraErrorsScenario()
 
 
 def resolve(scenario: CameraErrorsScenario) -> ResolvedCameraErrorsScenario:
-    """Refuse what the study sets itself."""
+    """Refuse fields that the study sets itself."""
     if scenario.controller != ControllerChoice():
         raise ParameterError("controller.kind", scenario.controller.kind, "fsm; see controllers")
     if scenario.cameras.measured != CameraSettings().measured:
@@ -77,7 +77,7 @@ def resolve(scenario: CameraErrorsScenario) -> ResolvedCameraErrorsScenario:
 
 
 def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -> Outcome:
-    """Look at parts at rest, and run the loop."""
+    """Measure parts at rest, and run the loop."""
     still = _still(scenario, part_of(progress, 0.0, 0.2))
     drawn = [
         ErrorRun(name, size, *of, trial)
@@ -264,7 +264,7 @@ _LEAST: Final = 1e-3  # mm and mrad, of a bar that is drawn
 
 
 def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
-    """Draw what each error leaves: of parts at rest as bars, in runs of the loop as points.
+    """Draw the remaining errors: of parts at rest as bars, in runs of the loop as points.
 
     Of the first controller and measurement; the error that turns the parts most is on top. Where
     both signs were run the points are of the worse one.
@@ -337,7 +337,7 @@ def _row(name: str, runs: Table) -> int | None:
 
 
 def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
-    """Draw what drawn errors and starts leave soon, beside starts alone and the paper's runs."""
+    """Draw early errors with drawn errors and starts, with starts alone, and of the paper."""
     runs, _ = _first(outcome.traces, outcome.tables["still"])
     figure = new_figure(10.5, 4.6)
     panels = figure.subplots(1, 2, sharey=True)
@@ -368,7 +368,7 @@ _MATTERS: Final = 0.25  # of the published angle, from which on an error's bias 
 
 
 def answer(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> Metric:
-    """Return how many errors alone make the published angle, and in the note what the study says.
+    """Return how many errors alone reach the published angle, and the study's answer as note.
 
     Of the first controller and measurement that were run.
     """

@@ -128,7 +128,7 @@ def _require_of(parts: ColouredParts, aligned: ColouredParts) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedWedgingScenario(WedgingScenario):
-    """The same with the alignments resolved, of the diagram's parts."""
+    """The scenario with the alignments resolved, with the diagram's parts."""
 
     alignment: ResolvedRepeatabilityScenario | None
 

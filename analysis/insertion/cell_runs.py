@@ -145,7 +145,7 @@ def run_cell_insertion(
 
 
 def is_over(chart: Chart[Any, Any], snapshot: Snapshot[Any], now: float) -> bool:
-    """Return whether the chart has ended, and what it left moving too; the time is in s."""
+    """Return whether the chart and the motions that it left have ended; the time is in s."""
     return chart.state(snapshot.state).outcome is not None and now - snapshot.entered_at > _AFTER
 
 
@@ -376,7 +376,7 @@ _HELD: Final = "the errors at the touch held, no friction in the joints, quasi-s
 
 
 def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, Metric]:
-    """Return what theory says of the last attempt, and the margin that its touch had."""
+    """Return the theory's prediction for the last attempt, and the margin at its touch."""
     row = touch_row(done)
     if row is None or not (scenario.parts.is_round or _along_faces(done, row)):
         why = "square parts, and errors in no plane along faces: the theory is planar"

@@ -31,7 +31,7 @@ _SIGNS: Final[Mapping[str, float]] = {"adding": 1.0, "opposing": -1.0}  # of the
 
 @dataclass(frozen=True, kw_only=True)
 class CentreScenario:
-    """A part, its errors of either sign, and what gives way, with its centre in many places."""
+    """A part, its errors of either sign, and a compliance with its centre at many heights."""
 
     parts: PegAndHole = field(default_factory=lambda: PegAndHole(**_NIST_16MM))
     compliance: ComplianceParams = ComplianceParams(kind="rcc")  # its own centre is marked
@@ -59,12 +59,12 @@ class CentreScenario:
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedCentreScenario(CentreScenario):
-    """The same with the compliance resolved."""
+    """The scenario with the compliance resolved."""
 
     compliance: Compliance
 
     def support(self, centre: float) -> Support:
-        """Return what holds the peg with the compliance's centre at a height above the tip, m."""
+        """Return the peg's support with the compliance's centre at a height above the tip, m."""
         device = replace(self.compliance.support, centre_distance=centre)
         return stacked(device, self.arm) if self.arm else device
 
@@ -84,7 +84,7 @@ def resolve(scenario: CentreScenario) -> ResolvedCentreScenario:
 
 
 def insertion(scenario: ResolvedCentreScenario, centre: float, sign: float) -> dict[str, float]:
-    """Return what the statics say of a centre, from the chamfer to the depth.
+    """Return the statics' results for a centre, from the chamfer to the depth.
 
     The largest push, N, NaN where none slides the peg, and Whitney's in the bore; the margin
     to wedging, and to where no push slides the peg, %, and that to Whitney's parallelogram; the
@@ -111,7 +111,7 @@ def insertion(scenario: ResolvedCentreScenario, centre: float, sign: float) -> d
 
 
 def run(scenario: ResolvedCentreScenario, seed: int, progress: Progress) -> Outcome:
-    """Look at every centre, with errors that add and that oppose each other; nothing is random."""
+    """Evaluate every centre, with errors that add and that oppose; nothing is random."""
     own = scenario.compliance.centre_distance
     grid = np.linspace(scenario.nearest, scenario.farthest, scenario.points)
     centres = np.unique([*grid, own])

@@ -55,7 +55,7 @@ _UNITS: Final = ("m", "N", "N", "m", "%", "")
 
 @dataclass(frozen=True, kw_only=True)
 class ConvergenceScenario:
-    """An insertion, a start that no push slides, and what is varied, one at a time."""
+    """An insertion, a start that no push slides, and the variations, one at a time."""
 
     insertion: PegInsertionScenario = field(
         default_factory=lambda: PegInsertionScenario(
@@ -116,7 +116,7 @@ def variations(scenario: ConvergenceScenario) -> list[Variation]:
 
 
 def measure_variation(variation: Variation) -> Row:
-    """Run one insertion and return what :data:`MEASURED` names."""
+    """Run one insertion and return the values of :data:`MEASURED`."""
     scenario = variation.scenario
     if variation.accuracy is None:
         run = insert(scenario, withdraw=False)

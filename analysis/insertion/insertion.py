@@ -99,7 +99,7 @@ def run(scenario: ResolvedInsertionScenario, seed: int, progress: Progress) -> O
 
 
 def outcome_of(scenario: ResolvedInsertionScenario, done: CellInsertion, seed: int) -> Outcome:
-    """Return what a run measured; the seed is that of its pictures."""
+    """Return the results of a run; the seed is that of its pictures."""
     time, touch = done.traces["time"], touch_row(done)
     last, before = len(time) - 1, row_before(time, scenario.begin)
     moments = {"before": before, "touch": last if touch is None else touch, "end": last}
@@ -161,7 +161,7 @@ def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[st
 
 
 def resolve_insertion(scenario: InsertionScenario) -> ResolvedInsertionScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     resolved = resolve(scenario)
     if scenario.cameras.kind == "pair":
         require_fine_enough(resolved)

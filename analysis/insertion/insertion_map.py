@@ -87,7 +87,7 @@ class BlindFeed(NamedTuple):
 
 
 def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
-    """Feed the peg until it is as deep as it can get, or else take the push away again.
+    """Feed the peg to its largest depth, or remove the push.
 
     It is fed to the end, as its tip may slip off the face; then, beside the mouth, it is left.
     """
@@ -131,7 +131,7 @@ def errors_in(peg: Array, hole: Array) -> dict[Plane, PlaneErrors]:
 
 
 def outcome(scenario: BlindFeedScenario, run: BlindFeed) -> FeedOutcome:
-    """Return what became of the peg."""
+    """Return the outcome of the peg."""
     fed = run.time <= scenario.released + scenario.step / 2
     if (run.state[fed] == ContactState.SEATED).any():
         return FeedOutcome.SEATED
@@ -150,7 +150,7 @@ def _held(run: BlindFeed, end: int) -> bool:
 
 
 def measured(scenario: BlindFeedScenario, run: BlindFeed) -> dict[str, float | None]:
-    """Return what a run measured, m, N and rad; None where it is undefined.
+    """Return the results of a run, m, N and rad; None where undefined.
 
     Forces are the largest medians of 10 ms until the peg is seated; pressing on the bottom is none
     of them.
@@ -375,7 +375,7 @@ def _region(scenario: InsertionMapScenario) -> Table:
 
 
 def confusion(traces: Table) -> dict[str, Metric]:
-    """Return how often each outcome was each verdict's, and what follows."""
+    """Return the confusion of outcomes and verdicts, and its metrics."""
     verdict, outcome = traces["predicted_verdict"], traces["outcome"]
     seated = outcome == FeedOutcome.SEATED
     counts = {
@@ -487,7 +487,7 @@ _MM, _MRAD = 1e3, 1e3
 
 
 def figures(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw the map of each plane, theory's force beside the simulated one, and probabilities."""
+    """Draw the map of each plane, the force by theory and simulation, and probabilities."""
     planes, drawn = scenario.planes, outcome.tables.get("probability")
     columns = max(len(planes), 2)
     figure = new_figure(6.4 * columns, 11.0)
@@ -547,7 +547,7 @@ def _shade(axes: Axes, region: Table) -> None:
 
 
 def wrong(cells: Table) -> np.ndarray:
-    """Say where theory is sure, and the opposite happens."""
+    """Return where theory is certain and the opposite happens."""
     seated = cells["outcome"] == FeedOutcome.SEATED
     said = cells["predicted_verdict"]
     return np.asarray(said == np.where(seated, FeedVerdict.STOPPED, FeedVerdict.SAFE))

@@ -64,7 +64,7 @@ _DRAWN: Final = 100.0  # 1/s, rows of a course that is kept
 
 @dataclass(frozen=True, kw_only=True)
 class InsertionTrialsScenario(InsertionScenario, AlignmentTrialsScenario):
-    """Insertions with many starts and many model errors, and the same starts in other ways.
+    """Insertions with many starts and model errors, and variants with the same starts.
 
     Ways: ``wait`` decides after the compensation's time, as section 5 does; ``frozen`` stops the
     compensation when it decides, the paper's proposal, ``frozen_wait`` does both; ``settling``
@@ -87,7 +87,7 @@ class InsertionTrialsScenario(InsertionScenario, AlignmentTrialsScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedInsertionTrialsScenario(ResolvedInsertionScenario, InsertionTrialsScenario):
-    """The same with nothing left open."""
+    """The scenario with no field left open."""
 
 
 INSERTION_REPEATABILITY: Final = InsertionTrialsScenario()
@@ -103,7 +103,7 @@ def resolve_insertion_trials(scenario: InsertionTrialsScenario) -> ResolvedInser
 def in_a_way(
     scenario: ResolvedInsertionTrialsScenario, way: str
 ) -> ResolvedInsertionTrialsScenario:
-    """Return the scenario with what a way does differently."""
+    """Return the scenario with the changes of a variant."""
     decide, insert = scenario.decide, scenario.insert
     if way in ("wait", "frozen_wait", "settling"):
         decide = replace(decide, kind="wait")

@@ -93,7 +93,7 @@ def insert(
 
 
 def insert_by_cenic(scenario: PegInsertionScenario, accuracy: float) -> Insertion:
-    """Feed the peg likewise, with steps that CENIC chooses for an accuracy.
+    """Feed the peg with steps that CENIC chooses for an accuracy.
 
     Drake computes the contact forces that it then reports once more, by the law of its other
     integrators: they are close to those that CENIC applies, not the same.
@@ -161,7 +161,7 @@ def onset_of(parts: PegAndHole, depth: Array, two_point: NDArray[np.bool_]) -> f
 
 
 def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]:
-    """Return what the run did, and what the statics say that it does."""
+    """Return the results of the run, and those of the statics."""
     fed = run.time <= scenario.released + scenario.step / 2
     pushed = fed & np.logical_and.accumulate(run.normal[:, _BOTTOM] <= _TOUCHING)
     axial = median(run.axial, scenario.step)
@@ -227,7 +227,7 @@ def _taken_away(scenario: PegInsertionScenario, run: Insertion) -> tuple[bool, f
 
 
 def path(scenario: PegInsertionScenario) -> Table:
-    """Return what the statics say over the depth l, exact and in the simple form.
+    """Return the statics over the depth l, exact and in the simple form.
 
     Forces are NaN where no push slides the peg, and the simple one above the bore.
     """
@@ -249,7 +249,7 @@ def path(scenario: PegInsertionScenario) -> Table:
 
 
 def predict(scenario: PegInsertionScenario) -> dict[str, Metric]:
-    """Return what the exact statics predict, and Whitney's simple forms beside it."""
+    """Return the predictions of the exact statics and of Whitney's simple forms."""
     parts, support, errors = scenario.parts, scenario.support, _errors(scenario)
     of = path(scenario)
     onset = float(two_point_onset(parts, support, *errors))
@@ -288,7 +288,7 @@ def _errors(scenario: PegInsertionScenario) -> tuple[float, float]:
 def jamming_loads(
     parts: PegAndHole, run: Mapping[str, Array], step: float
 ) -> tuple[Array, Array, Array, Array]:
-    """Return l, the push, F_x / F_z and M / (r F_z) of what holds the peg, at every step.
+    """Return l, the push, F_x / F_z and M / (r F_z) of the peg's support, at every step.
 
     It is what the hole does to the peg, reversed, as 10 ms medians; the moment is about the middle
     between the tip's corners. A run has, in the plane of the errors, ``depth``, ``lateral`` and

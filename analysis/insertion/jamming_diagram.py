@@ -111,7 +111,7 @@ def loads(scenario: PegInsertionScenario) -> Row:
 
 
 def load_ratios(scenario: PegInsertionScenario, run: Insertion) -> tuple[Array, Array, Array]:
-    """Return l, F_x / F_z and M / (r F_z) of what the support puts on the peg, at every step."""
+    """Return l, F_x / F_z and M / (r F_z) of the support's load on the peg, at every step."""
     L_g = scenario.support.centre_distance
     columns = {
         "depth": run.depth,

@@ -76,7 +76,7 @@ def strike_all(scenario: PegInsertionScenario, speed: float) -> Table:
 
 
 def impact_metrics(table: Table) -> dict[str, Metric]:
-    """Return what becomes of an impact with the scenario's own step, and what theory says."""
+    """Return the results of an impact with the scenario's own step, and those of theory."""
     said = {"predicted.rebound": (float(table["predicted"][0]), "", "of its speed")}
     for k, name in enumerate(_KINDS):
         row = k * len(_VARIED)

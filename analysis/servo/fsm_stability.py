@@ -105,7 +105,7 @@ class FsmRule:
 
 @dataclass(frozen=True, kw_only=True)
 class StabilityScenario:
-    """The loops of Fig. 8 on the plant in position form, and what is tried around them."""
+    """The loops of Fig. 8 on the plant in position form, and the variations around them."""
 
     desired: Step = field(default_factory=Step)
     plant: SpringMassDamperParams = field(default_factory=SpringMassDamperParams)
@@ -139,7 +139,7 @@ STABILITY: Final = StabilityScenario()
 
 
 def run(scenario: StabilityScenario, seed: int, progress: Progress) -> Outcome:
-    """Map what settles, find the limit cycles and check the paper's criteria."""
+    """Map the settings that settle, find the limit cycles and check the paper's criteria."""
     loop, grid = scenario.loop, scenario.map
     cells = _map(loop, grid, seed, part_of(progress, 0.0, 0.6))
     progress(0.6, "limit cycles")
@@ -325,7 +325,7 @@ def lap_chart(params: CompensatorParams) -> CompensatorChart:
 def gore_findings(
     axis: AxisParams, errors: list[float], period: float, *, folded: bool
 ) -> tuple[str, ...]:
-    """Return what contradicts Gore's two criteria in the compensator's charts, in words.
+    """Return the contradictions to Gore's two criteria in the compensator's charts, in words.
 
     The trajectory ends with the run, of which ``errors``, m, has one a tick, and a tenth of it is
     lost to the camera. ``folded``: the chart of Fig. 3 is the one that runs, with a lap in one
@@ -410,7 +410,7 @@ def _velocity_search(
 def classify(
     axes: Sequence[AxisParams], scenario: StepScenario, *, trials: int, seed: int
 ) -> NDArray[np.int64]:
-    """Simulate settings from rest at random large errors and say what each does.
+    """Simulate settings from rest at random large errors and classify each.
 
     The initial errors are uniform between one and one and a half times the large error, so that
     both increments are used and the last small one falls anywhere in the dead zone. Plant, in the
@@ -517,7 +517,7 @@ _SIMULATED: Final[Style] = FSM | {"marker": "o", "ms": 4}
 
 
 def plot_map(scenario: StepScenario, outcome: Outcome) -> Figure:
-    """Draw what each cell does and, over it, what the theorem guarantees."""
+    """Draw the behaviour of each cell and, over it, the theorem's guarantee."""
     cells = outcome.traces
     x, y = np.unique(cells["dead_zone"]), np.unique(cells["increment"])
     shape = (len(x), len(y))

@@ -11,7 +11,7 @@ from chamfer.analysis.scenario.experiment import Metric, measured
 
 
 class Margins(NamedTuple):
-    """Stability margins; infinite where there is no crossover."""
+    """Stability margins; infinite without a crossover."""
 
     gain_margin: float  # factor
     phase_margin: float  # degrees

@@ -1,4 +1,4 @@
-"""Which spring-mass-damper gives Fig. 8: the family of plants behind the published response."""
+"""Identifies the spring-mass-damper of Fig. 8: the family of plants for its response."""
 
 import math
 from collections.abc import Mapping
@@ -48,7 +48,7 @@ class PlantFamily:
 
 @dataclass(frozen=True, kw_only=True)
 class IdentificationScenario:
-    """A response, and the stiffnesses for which the plant behind it is looked for."""
+    """A response, and the stiffnesses for which its plant is identified."""
 
     rise_time: float = RISE_TIME  # s, of the response, 10 to 90 %; Fig. 8
     overshoot: float = OVERSHOOT  # %, Fig. 8, relative to the final value

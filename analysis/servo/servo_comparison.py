@@ -104,7 +104,7 @@ class Disturbances:
 
 @dataclass(frozen=True, kw_only=True)
 class StepSpread:
-    """By how much trials differ, beside their noise."""
+    """The variation of trials, in addition to their noise."""
 
     step: float = 0.25  # relative spread of the step's height, uniform within plus and minus this
 
@@ -146,7 +146,7 @@ class ResolvedServoComparisonScenario(ResolvedComparedLoopScenario, ServoCompari
 
 
 def resolve_comparison(scenario: ServoComparisonScenario) -> ResolvedServoComparisonScenario:
-    """Return the scenario with both controllers, and what they meet."""
+    """Return the scenario with both controllers and the disturbances."""
     found, disturbance = what_is_open(scenario), scenario.disturbance
     tolerance, bound = found["tolerance"], scenario.camera.measurement.bound
     noise, friction = disturbance.noise, disturbance.friction
@@ -161,7 +161,7 @@ def resolve_comparison(scenario: ServoComparisonScenario) -> ResolvedServoCompar
 def drawn(
     scenario: ResolvedServoComparisonScenario, seed: int, trial: int
 ) -> dict[str, ResolvedServoComparisonScenario]:
-    """Return what a trial runs, by :data:`CONDITIONS`.
+    """Return the loops of a trial, by :data:`CONDITIONS`.
 
     A plant that was identified is another one in every trial, one that may as well be behind the
     measurement. The controllers stay those that are designed for the scenario's own plant.
@@ -275,7 +275,7 @@ def run(scenario: ResolvedServoComparisonScenario, seed: int, progress: Progress
 
 
 def design_metrics(scenario: ResolvedServoComparisonScenario) -> dict[str, Metric]:
-    """Return what both controllers are, and what theory says of them."""
+    """Return the metrics of both designs, and their theoretical margins."""
     axis, gains, tolerance = scenario.fsm, scenario.pid, scenario.tolerance
     bound = scenario.camera.measurement.bound
     note = (
@@ -388,7 +388,7 @@ def differences(
 def answer(
     scenario: ResolvedServoComparisonScenario, found: tuple[Difference, ...], trials: int
 ) -> str:
-    """Return which controller is better for what, in a sentence."""
+    """Return which controller is better in which respect, in a sentence."""
     task = (
         f"{1e3 * scenario.desired.amplitude:.3g} mm to within "
         f"{1e3 * scenario.tolerance:.3g} mm in {scenario.settling_time:.3g} s"

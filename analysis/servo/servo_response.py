@@ -160,7 +160,7 @@ def _run_machine(
 
 
 def frame_growth(scenario: ResolvedServoScenario, name: str, *, later: int = 0) -> float:
-    """Return at which rate a PID loop behind the camera grows, 1/s, or 0 for a stable loop.
+    """Return the growth rate of a PID loop behind the camera, 1/s, or 0 for a stable loop.
 
     Its frames come later than the camera's by so many; what is rounded or noise is left out.
     """

@@ -235,7 +235,7 @@ def _spread(name: str, values: Array, unit: str, pixel_size: float) -> dict[str,
 
 
 def resolve_camera_accuracy(scenario: AccuracyScenario) -> AccuracyScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     if scenario.cameras.renderer == "vtk":
         reason = missing_graphics()
         if reason is not None:

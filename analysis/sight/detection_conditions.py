@@ -90,7 +90,7 @@ class ConditionsScenario:
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedConditionsScenario(ConditionsScenario):
-    """Pictures of which it is known whether photographs are behind the parts."""
+    """The scenario with the choice of photographs behind the parts filled in."""
 
     photographs: bool
 
@@ -114,7 +114,7 @@ class ConditionTask(NamedTuple):
 def picture(
     scenario: ResolvedConditionsScenario, seed: int, task: ConditionTask
 ) -> tuple[Image, tuple[Appearance, Appearance], tuple[Detection, ...]]:
-    """Return a picture, what to look for in it, and where that truly is."""
+    """Return a picture, the appearance of its parts, and their true poses."""
     condition = CONDITIONS[task.condition]
     level = condition.levels[SEVERITIES.index(task.severity)]
     # Of the same trial the poses are the same in all conditions.
@@ -170,7 +170,7 @@ _ERRORS: Final[Mapping[str, str]] = {"axial": "px", "lateral": "px", "angle": "r
 
 
 def run(scenario: ResolvedConditionsScenario, seed: int, progress: Progress) -> Outcome:
-    """Look for the parts in all pictures."""
+    """Detect the parts in all pictures."""
     tasks = [
         ConditionTask(condition, severity, trial)
         for condition in scenario.conditions
@@ -281,7 +281,7 @@ def _examples(scenario: ResolvedConditionsScenario, seed: int) -> Table:
 
 
 def resolve_detection_conditions(scenario: ConditionsScenario) -> ResolvedConditionsScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     photographs = installed() if scenario.photographs is None else scenario.photographs
     if scenario.photographs:
         require_photographs()

@@ -1,4 +1,4 @@
-"""Detections of the parts beside the truth: in the image, as error signal, and in space.
+"""Detections of the parts compared with the truth: in the image, as error signal, in space.
 
 True in an image is what the pinhole camera makes of the part's frame: the centre of the end face
 and the axis, which stays a straight line. A silhouette need not be symmetric about either.
@@ -100,7 +100,7 @@ class TrialCamera:
 
 
 def kinds(renderer: Renderer) -> tuple[str, ...]:
-    """Return the kinds of images that there are with a renderer; VTK samples by itself."""
+    """Return the kinds of images of a renderer; VTK samples by itself."""
     return ("clean", "noisy", "sampled") if renderer == "software" else ("clean", "noisy")
 
 

@@ -58,7 +58,7 @@ class HandCameraScenario:
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedHandCameraScenario(HandCameraScenario):
-    """The same with a camera that leaves nothing open."""
+    """The scenario with a camera that has no field left open."""
 
 
 STUDY: Final = HandCameraScenario()
@@ -107,7 +107,7 @@ def _look(scenario: ResolvedHandCameraScenario, seed: int, task: MouthTask) -> R
 
 
 def run(scenario: ResolvedHandCameraScenario, seed: int, progress: Progress) -> Outcome:
-    """Look for the mouth in all pictures."""
+    """Detect the mouth in all pictures."""
     tasks = [
         MouthTask(condition, severity, trial)
         for condition in CONDITIONS
@@ -158,7 +158,7 @@ _COLOURS: Final = {"found": "#8fc79a", "refused": "#d9d9d9", "wrong": "#b00020"}
 
 
 def figures(scenario: ResolvedHandCameraScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw which share of the pictures ended how, and the errors over what was claimed."""
+    """Draw the shares of outcomes, and the errors over the claimed standard deviations."""
     figure = new_figure(12.0, 1.8 + 0.27 * len(CONDITIONS))
     panels = list(figure.subplots(1, len(SEVERITIES) + 1, squeeze=False)[0])
     for k, severity in enumerate(SEVERITIES):

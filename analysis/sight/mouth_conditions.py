@@ -48,7 +48,7 @@ class MouthScene:
         return self.camera.project(p_M @ self.X_WM.rotation().matrix().T + self.X_WM.translation())
 
     def mask(self, points: Array, soft: float = 0.7, width: float | None = None) -> Light:
-        """Return what a polygon covers, or a line of a width, pixels, shape (height, width, 1)."""
+        """Return the mask of a polygon or of a line, width in pixels, shape (height, width, 1)."""
         pixels = np.rint(self.on_plate(points) * 2**_SHIFT).astype(np.int32)
         covered = np.zeros((self.camera.height, self.camera.width), np.float32)
         if width is None:

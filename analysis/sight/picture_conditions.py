@@ -44,12 +44,12 @@ NAMES: Final = ("astronaut", "chelsea", "coffee", "rocket", "stereo_motorcycle")
 
 
 def installed() -> bool:
-    """Return whether there are photographs."""
+    """Return whether photographs are installed."""
     return find_spec("skimage") is not None
 
 
 def require_photographs() -> None:
-    """Raise :class:`UserError` unless there are photographs."""
+    """Raise :class:`UserError` unless photographs are installed."""
     if not installed():
         raise UserError(
             "scikit-image's photographs are not installed: pip install 'chamfer[photographs]'"

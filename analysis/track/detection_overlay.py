@@ -183,7 +183,7 @@ _LIVE: Final = 15.0  # frames/s; encoding takes longer than detection
 
 
 class Overlay:
-    """A .webm video of what is found in each frame, which grows while the block runs.
+    """Writes a .webm video of the detections in each frame while the block runs.
 
     The rate is in frames/s, or NaN; the video plays at 1 to 240.
     """
@@ -197,7 +197,7 @@ class Overlay:
         self._written = 0
 
     def show(self, seen: Sequence[SeenParts], captions: Sequence[Caption]) -> None:
-        """Append what was found in the frames of one moment.
+        """Append the detections in the frames of one moment.
 
         Raises:
             UserError: If the video can't be written.
@@ -205,7 +205,7 @@ class Overlay:
         self.write(sheet(seen, captions))
 
     def write(self, image: Image, time: float | None = None) -> None:
-        """Append an image, which is of the same even size as all others.
+        """Append an image of the same even size as all others.
 
         It is shown at a time, s after the first one: the one before stays until then. Sooner than
         a frame's length after it, the image is left out. None: after the one before.
@@ -234,7 +234,7 @@ class Overlay:
 
 
 class LiveOverlay(Overlay):
-    """The same of frames that come whether they are looked at or not, at their own times.
+    """Writes the video of live frames, at their own times.
 
     A thread draws and encodes, and takes the next frame when it is done with one.
     """
@@ -248,7 +248,7 @@ class LiveOverlay(Overlay):
         self._thread.start()
 
     def show(self, seen: Sequence[SeenParts], captions: Sequence[Caption]) -> None:
-        """Show what was found, unless other frames are still being drawn."""
+        """Show the detections, unless other frames are still being drawn."""
         if self._fault is not None:
             raise self._fault
         if not self._next.full():
@@ -271,7 +271,7 @@ class LiveOverlay(Overlay):
 
 
 def sheet(seen: Sequence[SeenParts], captions: Sequence[Caption]) -> Image:
-    """Return what was found in the frames of all cameras, side by side."""
+    """Return the detections in the frames of all cameras, side by side."""
     sheets = list(map(draw, seen, captions))
     height = max(len(one) for one in sheets)
     return np.hstack([np.pad(one, ((0, height - len(one)), (0, 0), (0, 0))) for one in sheets])

@@ -24,7 +24,7 @@ from chamfer.systems.cameras.camera_image import Image
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Drop what decoders and encoders write to the process's standard error."""
+    """Suppress the output of decoders and encoders on the process's standard error."""
     sys.stderr.flush()
     before = os.dup(2)
     try:
@@ -83,7 +83,7 @@ class Recording:
 
     @property
     def number(self) -> int | None:
-        """How many frames there are, as far as that is known."""
+        """Number of frames, as far as it is known."""
         return self.announced if self.video else len(self.files)
 
     def frames(self, stopped: Callable[[], bool] = lambda: False) -> Iterator[Frame]:
@@ -159,7 +159,7 @@ def _is_image(path: Path) -> bool:
 
 
 def shown_name(path: Path) -> str:
-    """Return a file's name as a text, in which what is not UTF-8 is escaped."""
+    """Return a file's name as text, with non-UTF-8 bytes escaped."""
     return os.fsencode(path.name).decode(errors="backslashreplace")
 
 
@@ -314,7 +314,7 @@ class LiveCamera:
 
     @property
     def rate(self) -> float | None:
-        """Frames/s, as the camera says, or None."""
+        """Frames/s reported by the camera, or None."""
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         return rate if math.isfinite(rate) and rate > 0 else None
 

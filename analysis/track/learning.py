@@ -176,11 +176,11 @@ class Box(NamedTuple):
     height: int
 
     def cut(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return what is in the box."""
+        """Return the image in the box."""
         return image[self.y : self.y + self.height, self.x : self.x + self.width]
 
     def around(self, margin: int) -> "Box":
-        """Return a box that is larger on all sides; what is outside the image is cut off."""
+        """Return a box that is larger on all sides, cut at the image's borders."""
         x, y = max(self.x - margin, 0), max(self.y - margin, 0)
         right, below = self.x + self.width + margin, self.y + self.height + margin
         return Box(x, y, right - x, below - y)
@@ -212,7 +212,7 @@ class Learned(NamedTuple):
 
 
 def learn(image: Image, boxes: tuple[Box, Box]) -> Learned:
-    """Return what the peg and the hole part look like, which tells them apart in the picture.
+    """Return the appearance of peg and hole part that distinguishes them in the picture.
 
     A part is what has the colour that is more frequent in its box than around it. Hue,
     saturation, value and sizes are its own with margins; the tips face each other.
@@ -427,7 +427,7 @@ _HEADER: Final = """\
 
 
 def learn_parts(picture: Path, peg_box: str, hole_box: str, *, out: Path) -> dict[str, Any]:
-    """Learn the parts in two boxes of a picture, and write them and a picture of what was found.
+    """Learn the parts in two boxes of a picture, and write them and a picture of them.
 
     Of a recording the first frame is taken; a box is ``x,y,w,h``, pixels; ``out`` is the folder
     of all results. Returned is, for JSON, what was learned, and the files.

@@ -74,7 +74,7 @@ class PartFinder:
             self.columns += (*(f"right_{name}" for name in COLUMNS), *SPACE_COLUMNS)
 
     def find(self, images: Sequence[Image], time: float) -> Sighting:
-        """Return what is found in the next image of each camera, taken at a time, s.
+        """Return the detections in the next image of each camera, taken at a time, s.
 
         Raises:
             UserError: If an image is not of its camera's size.

@@ -66,12 +66,12 @@ class TrackFiles:
         return self
 
     def add_overlay(self, rate: float, *, live: bool) -> None:
-        """Write the video, too; live frames come whether they are looked at or not."""
+        """Write the video too; live frames arrive at their own times."""
         path = self._folder / VIDEO
         self._overlay = LiveOverlay(path) if live else Overlay(path, rate)
 
     def add(self, frames: Sequence[Frame], time: float, found: Sighting) -> None:
-        """Append what was found at a time, s, or NaN; its line is on disk when this returns."""
+        """Append the detections at a time, s, or NaN; their line is on disk at return."""
         number, file = len(self), frames[0].name
         row = (time, *found.values)
         cells = [
@@ -92,7 +92,7 @@ class TrackFiles:
         return len(self._values) // len(self._columns)
 
     def table(self) -> Table:
-        """Return the columns ``frame``, from 0, ``time``, s, and what was found."""
+        """Return the columns ``frame``, from 0, ``time``, s, and the detections."""
         values = np.array(self._values).reshape(-1, len(self._columns))
         return {
             "frame": np.arange(len(values)),
@@ -157,7 +157,7 @@ def write_picture(path: Path, image: Image) -> None:
 
 
 class FrameFolder:
-    """Keeps frames as PNG while the block runs, each on disk before the next one is looked at.
+    """Keeps frames as PNG while the block runs, each on disk before the next is processed.
 
     The folder must not hold anything yet; it goes if no frame comes.
     """

@@ -57,7 +57,7 @@ _NOT_LEARNED: Final = (
 
 @contextmanager
 def stop_request() -> Iterator[Callable[[], bool]]:
-    """Give a function that says whether the block has been asked to stop.
+    """Give a function that returns whether the block has to stop.
 
     The first Ctrl-C, or request to terminate, asks; a second one interrupts. A signal that the
     process ignores stays ignored.
@@ -100,7 +100,7 @@ class TrackScenario:
             raise ParameterError("rate", self.rate, f"a number from {low:g} to {high:g}, or null")
 
     def rate_of(self, recording: Recording) -> float:
-        """Return a recording's frames/s; NaN for a video that doesn't say."""
+        """Return a recording's frames/s; NaN for a video without a rate."""
         rate = self.rate or (recording.rate if recording.video else IMAGE_RATE)
         return math.nan if rate is None else rate
 
@@ -131,7 +131,7 @@ class SynchronisedFrames:
 
     @property
     def missed(self) -> int:
-        """How many frames came while others were looked at."""
+        """Number of frames that arrived while others were processed."""
         return sum(one.missed for one in self._of)
 
     def moments(self, stopped: Callable[[], bool]) -> Iterator[tuple[Frame, ...]]:
@@ -156,7 +156,7 @@ class Track:
 
     @property
     def frames(self) -> int:
-        """How many frames there are."""
+        """Number of frames."""
         return len(self.table["frame"])
 
     @property
@@ -187,7 +187,7 @@ def write_track(
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress,
 ) -> tuple[Track, list[Path]]:
-    """Find the parts in every frame, and write the tables and, if asked for, the overlay video.
+    """Find the parts in every frame, and write the tables and optionally the overlay video.
 
     The columns are ``frame``, from 0, ``time``, s, and those of the finder. What was found until
     then is written whatever ends it before the last frame. There are no files without a frame.
@@ -237,7 +237,7 @@ def _doing(number: int, found: Sighting) -> str:
 
 
 def track(arguments: argparse.Namespace) -> int:
-    """Do what the command was asked for, and return its exit status."""
+    """Run the command, and return its exit status."""
     try:
         return _find(arguments) if arguments.learn is None else _learn(arguments)
     except CameraError as error:
@@ -378,7 +378,7 @@ def _source(
 def document(
     source: SynchronisedFrames, scenario: TrackScenario, found: Track, paths: Sequence[Path]
 ) -> dict[str, Any]:
-    """Return what was found as a document for JSON."""
+    """Return the detections as a document for JSON."""
     width, height = found.size
     return {
         "frames": found.frames,

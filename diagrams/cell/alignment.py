@@ -179,7 +179,7 @@ def add_sight(
     cell: WorkCell,
     parts_there: ColouredParts | None = None,
 ) -> tuple[dict[ArmName, DesiredMotion], LeafSystem]:
-    """Add the arms' desired motions, and what measures what the peg lacks.
+    """Add the arms' desired motions, and the measurement of the peg's error.
 
     It has the outputs of :class:`CellError`; without cameras it is :class:`NoSight`.
     """
@@ -207,7 +207,7 @@ def export_alignment(
     watch: LeafSystem,
     compensation: OutputPort,
 ) -> None:
-    """Export what shows an alignment, and let the watch stop the motions."""
+    """Export the outputs of an alignment, and let the watch stop the motions."""
     for motion in motions.values():
         if motion.stop is not None:
             builder.Connect(watch.GetOutputPort("stop"), motion.stop)
@@ -222,7 +222,7 @@ def export_cell(
     motions: dict[ArmName, DesiredMotion],
     error: LeafSystem,
 ) -> None:
-    """Export what arms and cameras should do, do and measure."""
+    """Export commands, motions and measurements of arms and cameras."""
     for arm in ARMS:
         builder.ExportOutput(motions[arm].pose, f"{arm}.desired_pose")
         builder.ExportOutput(cell.true_poses[arm], f"{arm}.true_pose")
@@ -248,7 +248,7 @@ def _add_motion(
 
 
 def divergence_params(scenario: AlignmentScenario) -> DivergenceParams:
-    """Return what stops a compensation that makes the error grow; where there is none, it can't.
+    """Return the watch's parameters for a growing error; without a compensation it can't act.
 
     Along the hole's axis the error is no error of alignment, and a feed changes it.
     """
@@ -270,7 +270,7 @@ def make_divergence_watch(scenario: AlignmentScenario) -> DivergenceWatch:
 
 
 def make_controller(scenario: AlignmentScenario, own: System | None = None) -> System:
-    """Return what makes compensation of the error, named: a user's own, or the scenario's."""
+    """Return the named controller of the error: your own, or the scenario's."""
     if own is not None:
         sizes = {"error": len(AXES), "valid": 1}
         require_ports("controller", own, inputs=sizes, outputs={"compensation": len(AXES)})

@@ -58,7 +58,7 @@ class OpenAxis(OpenAxisParams):
 
 @dataclass(frozen=True, kw_only=True)
 class OpenGains(OpenPidGains):
-    """One of the PID laws; what is None is designed likewise."""
+    """One of the PID laws; gains that are None are designed likewise."""
 
     proportional: float | None = None
     # m/pixels or 1; None: designed, by SIMC for a closed loop of 0.05 s about the dead time
@@ -158,13 +158,13 @@ class AlignmentScenario(WorkCellScenario):
         return 0.0 if self.servo is None else self.servo.repeatability
 
     def camera(self, view: View) -> Camera:
-        """Return a camera as it is: it looks at the gap, at about a plane of the hole's axes."""
+        """Return the true camera: it looks at the gap, at about a plane of the hole's axes."""
         return true_camera(self.cameras, self, view)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedAlignmentScenario(AlignmentScenario):
-    """The same with cameras, arms and controllers filled in: what diagrams take."""
+    """The scenario with cameras, arms and controllers filled in, for diagrams."""
 
     compensated: Compensated
     meeting_point: Vector3

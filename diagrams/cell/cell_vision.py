@@ -1,4 +1,4 @@
-"""The cell's two cameras, believed and true, and what is made of their images (section 4)."""
+"""The cell's two cameras, believed and true, and their measurements (section 4)."""
 
 import math
 from dataclasses import dataclass, field, fields, replace
@@ -89,7 +89,7 @@ class ViewSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSettings(CellCameras):
-    """The cameras, what delivers their images, and what is measured in them."""
+    """The cameras, the delivery of their images, and the measurement in them."""
 
     kind: CamerasKind = "pair"
     # pair: two at right angles; hand: one next to the peg that sees the mouth of a hole in a
@@ -128,7 +128,7 @@ class CameraSettings(CellCameras):
         return settings
 
     def with_view(self, view: View, camera: ViewSettings) -> "CameraSettings":
-        """Return the same with another camera for a view of :data:`VIEWS`."""
+        """Return the settings with another camera for a view of :data:`VIEWS`."""
         return replace(self, xz=camera) if view == "xz" else replace(self, xy=camera)
 
     def frames_of(self, view: View) -> FrameGrabberParams:
@@ -161,7 +161,7 @@ class CameraSettings(CellCameras):
 def camera_placement(
     settings: CameraSettings, scenario: WorkCellScenario, view: View
 ) -> CameraPlacement:
-    """Return where a camera stands in the hole's axes: it looks at the middle of the gap."""
+    """Return a camera's pose in the hole's axes: it looks at the middle of the gap."""
     x, y, z = (scenario.hole_axes.inverse() @ np.array(scenario.mouth)).tolist()
     return settings.placement(view, (x - scenario.gap / 2, y, z))
 
@@ -183,7 +183,7 @@ def believed_camera(settings: CameraSettings, scenario: WorkCellScenario, view: 
 
 
 def resolved_cameras(settings: CameraSettings, scenario: WorkCellScenario) -> CameraSettings:
-    """Fill in what is open of the cameras, from their files if they have any."""
+    """Fill in the open fields of the cameras, from their files if they have any."""
     if settings.kind == "hand":
         with within("cameras.hand"):
             hand = settings.hand.read().of(scenario.parts, scenario.gap)
@@ -339,7 +339,7 @@ def _add_hand(
 def looks_in(
     settings: CameraSettings, scenario: WorkCellScenario, view: View
 ) -> tuple[Appearance, Appearance]:
-    """Return what is looked for of peg and hole part in a camera's straightened images."""
+    """Return the appearance of peg and hole part in a camera's straightened images."""
     with within("parts"):
         pixel = settings.pixel_size * settings.pixel_scale(view)
         return appearances(scenario.parts, pixel, settings.distance)
@@ -348,7 +348,7 @@ def looks_in(
 def undistortion_of(
     settings: CameraSettings, scenario: WorkCellScenario, view: View
 ) -> Undistortion | None:
-    """Return what straightens a camera's images; None where they are believed to be straight."""
+    """Return the straightening of a camera's images; None if they are believed to be straight."""
     return Undistortion.of(believed_camera(settings, scenario, view))
 
 

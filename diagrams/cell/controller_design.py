@@ -1,4 +1,4 @@
-"""The alignment's controllers, designed for the arms and cameras that there are.
+"""The alignment's controllers, designed for the scenario's arms and cameras.
 
 The settling theorem (:mod:`chamfer.systems.servo.settling`) and SIMC ask for a plant's gain and
 step response. The plant of the alignment is an arm under impedance control as the cameras see it:
@@ -68,7 +68,7 @@ class StepResponses(NamedTuple):
     period: float  # s, of the controller
 
     def sampled(self, axis: str, period: float) -> Array:
-        """Return what has not arrived at the ends of periods, s, after the step, shape (k,).
+        """Return the missing part of a step at the ends of periods, s, shape (k,).
 
         Who looks at the very instant of a step of the arm looks just before it.
         """
@@ -226,7 +226,7 @@ def dead_samples(scenario: AlignmentScenario) -> int:
 
 
 def measurement_error(scenario: AlignmentScenario, kind: Kind) -> float:
-    """Return what detection may be off, pixels or rad, with the images of the noisier camera.
+    """Return the largest error of detection, pixels or rad, with the noisier camera.
 
     Detection's standard deviation is proportional to their noise: of parts at rest it was 0.011,
     0.026, 0.05 and 0.071 pixels at 2, 4, 8 and 12 grey levels. With 20 parts get lost. An edge
@@ -270,7 +270,7 @@ def of_kind(responses: Sequence[Responses], kind: Kind) -> list[SettlingPlant]:
 
 
 def resolve_controllers(scenario: ResolvedT) -> ResolvedT:
-    """Fill in what of the compensator and of the PID is open."""
+    """Fill in the open fields of the compensator and of the PID."""
     elements = (scenario.compensator.lateral, scenario.compensator.rotational)
     laws = (scenario.pid.lateral, scenario.pid.rotational)
     if not any(None in vars(one).values() for one in (*elements, *laws)):
@@ -288,7 +288,7 @@ def resolve_controllers(scenario: ResolvedT) -> ResolvedT:
 def design_compensator(
     scenario: AlignmentScenario, responses: Sequence[Responses], increments: Mapping[Kind, float]
 ) -> SixAxisSettings:
-    """Return the state machine's elements, what is given kept."""
+    """Return the state machine's elements; given values are kept."""
     elements: dict[Kind, OpenAxis] = {}
     for kind in KINDS:
         given: OpenAxis = getattr(scenario.compensator, kind)
@@ -307,7 +307,7 @@ def design_compensator(
 def design_pid(
     scenario: AlignmentScenario, responses: Sequence[Responses], closed_loop: float
 ) -> SixAxisPid:
-    """Return the baseline's gains by SIMC, what is given kept."""
+    """Return the baseline's gains by SIMC; given values are kept."""
     laws: dict[Kind, OpenGains] = {}
     for kind in KINDS:
         given: OpenGains = getattr(scenario.pid, kind)

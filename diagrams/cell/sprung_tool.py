@@ -1,4 +1,4 @@
-"""The springs on which a tool hangs below what carries it, and the wrench in them."""
+"""The springs between a tool and its carrier, and the wrench in them."""
 
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ class Springs(NamedTuple):
 def add_springs(
     builder: DiagramBuilder, plant: MultibodyPlant, held: Wrist, wrist: WristParams
 ) -> Springs:
-    """Add what drives and reads a wrist of a plant that is finalized."""
+    """Add the drives and outputs of a wrist of a finalized plant."""
     state, centre = plant.get_state_output_port(held.instance), wrist.centre
     # Forces of what is desired, above what is.
     both = builder.AddNamedSystem("set-points and joints", Multiplexer([2 * SIZE, 2 * SIZE]))

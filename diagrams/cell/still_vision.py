@@ -55,7 +55,7 @@ class StillVision:
         self._believed = [camera.straight() for camera in believed]
 
     def image(self, view: View, X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
-        """Return what a camera sees of peg and hole part, shape (height, width, 3)."""
+        """Return a camera's image of peg and hole part, shape (height, width, 3)."""
         sensor = self._scenario.cameras.view(view).sensor
         image = render(self._scenario.parts, self._cameras[view], X_WT, X_WM)
         if sensor.shades:

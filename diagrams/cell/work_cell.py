@@ -97,7 +97,7 @@ _MEETING_POINTS: Final[dict[InsertionAxis, Vector3]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class CellArmSettings:
-    """An arm, its tool, and what its controller does not know about it."""
+    """An arm, its tool, and the errors of its controller's model."""
 
     model: str = "wam"
     # wam, ur5e, scara, or path of a URDF with six or more revolute joints
@@ -145,7 +145,7 @@ class CellArmSettings:
 
     @property
     def arm(self) -> SerialArm:
-        """The arm, with the friction and the rotors that it has here."""
+        """The arm, with this cell's friction and rotors."""
         of_settings = "friction_asymmetry", "joint_damping", "rotor_inertia"
         own = {name: getattr(self, name) for name in of_settings}
         own["dry_friction"] = self.joint_friction
@@ -158,7 +158,7 @@ class CellArmSettings:
         return replace(chosen_arm(self.model, self.tool_frame), **said)
 
     def with_friction(self, factor: float) -> Self:
-        """Return the arm with so many times its dry friction, in numbers."""
+        """Return the arm with its dry friction scaled, in numbers."""
         own = self.arm
         return replace(
             self,
@@ -169,12 +169,12 @@ class CellArmSettings:
 
     @property
     def near(self) -> Array | None:
-        """Near which the rest posture is sought, rad, shape (n,); None: nowhere in particular."""
+        """Start of the search for the rest posture, rad, shape (n,); None: no start."""
         near = self.arm.posture if self.posture is None else self.posture
         return None if near is None else np.array(near)
 
     def known_arm(self) -> ArmModel:
-        """Return what the controller knows of the arm."""
+        """Return the controller's model of the arm."""
         return ArmModel(self.base.transform, self.tool, self.arm)
 
 
@@ -259,7 +259,7 @@ class WorkCellScenario:
 
     @property
     def control_period(self) -> float:
-        """Of the arms' controllers, s."""
+        """Period of the arms' controllers, s."""
         return self.impedance.period if self.servo is None else self.servo.period
 
     @property
@@ -269,12 +269,12 @@ class WorkCellScenario:
 
     @property
     def arms(self) -> tuple[ArmName, ...]:
-        """The arms that there are."""
+        """The arms of the cell."""
         return ARMS if self.hole.kind == "arm" else ("peg",)
 
     @property
     def mouth(self) -> Vector3:
-        """Where the hole's mouth is, m."""
+        """Position of the hole's mouth, m."""
         return _MEETING_POINTS[self.axis] if self.meeting_point is None else self.meeting_point
 
     @property
@@ -394,7 +394,7 @@ def add_holders(
 
 
 def add_fixture(plant: MultibodyPlant, scenario: WorkCellScenario, arm: ArmName) -> RigidBody:
-    """Add what is fixed in the world in the place of an arm's tool."""
+    """Add a fixed part in the world in place of an arm's tool."""
     body = plant.AddRigidBody(
         "fixture", plant.AddModelInstance(f"{arm}_fixture"), SpatialInertia.Zero()
     )
@@ -405,7 +405,7 @@ def add_fixture(plant: MultibodyPlant, scenario: WorkCellScenario, arm: ArmName)
 def add_simulated_arm(
     plant: MultibodyPlant, arm: str, settings: CellArmSettings
 ) -> ModelInstanceIndex:
-    """Add an arm, at its true base, with what its controller does not know."""
+    """Add an arm, at its true base, with the errors of its controller's model."""
     X_WB = settings.base.transform @ settings.base_error.transform
     instance = add_arm(
         plant,
@@ -496,7 +496,7 @@ def resolve_arms(scenario: ScenarioT) -> ScenarioT:
 
 
 def require_strong(scenario: WorkCellScenario, push: float) -> None:
-    """Refuse arms whose motors don't hold them, and a push, N, where they are to be.
+    """Refuse arms whose motors don't hold them and a push, N, at their poses.
 
     Torque limits of the scenario's own are not looked at.
     """
@@ -525,7 +525,7 @@ _ACROSS = {"xy": (1, 2), "xz": (2, 1)}  # the lateral axis of a plane, and the o
 
 
 def support_at(scenario: WorkCellScenario, depth: float, plane: View | None = None) -> Support:
-    """Return the one support that the arms are to a peg with its tip at a depth, m.
+    """Return the arms' support of a peg with its tip at a depth, m.
 
     By default it is of the plane of insertion in which a lateral error tilts the peg more.
     """
@@ -548,7 +548,7 @@ def wedging_support(scenario: WorkCellScenario) -> Support:
 
 
 def axial_stiffness(scenario: WorkCellScenario) -> float:
-    """Return the stiffness of the arms, one behind the other, along the axis, N/m."""
+    """Return the stiffness of the arms in series along the axis, N/m."""
     return scenario.impedance.stiffness[0] / len(scenario.arms)
 
 
@@ -563,7 +563,7 @@ _HOLDER: Final = np.array([0.25, 0.27, 0.30, 1.0])  # red, green, blue, opacity
 def add_part_shapes(
     scenario: WorkCellScenario, plant: MultibodyPlant, tools: dict[ArmName, RigidBody]
 ) -> None:
-    """Add peg and hole part to their tools before Finalize; rods hold what arms have."""
+    """Add peg and hole part to their tools before Finalize; rods hold parts of arms."""
     peg, hole = scenario.parts.peg, scenario.parts.hole
     add_part_meshes(scenario.parts, plant, tools)
     ends = {"peg": (-peg.length, peg.radius), "hole": (hole.depth, hole.outer_radius)}
@@ -575,7 +575,7 @@ def add_part_shapes(
 def add_part_meshes(
     parts: ColouredParts, plant: MultibodyPlant, bodies: dict[ArmName, RigidBody]
 ) -> None:
-    """Add the peg and a see-through hole part, to be seen, in the frames of two bodies."""
+    """Add the visible peg and a translucent hole part, in the frames of two bodies."""
     opacity: dict[ArmName, float] = {"peg": 1.0, "hole": _SEE_THROUGH}
     for part, share in opacity.items():
         profile = getattr(parts, part).closed_profile

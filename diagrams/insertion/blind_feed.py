@@ -1,4 +1,4 @@
-"""The peg's arm pushes its peg towards the hole without looking: no cameras, no compensation.
+"""The peg's arm pushes its peg towards the hole without cameras and compensation.
 
 The arms start at rest where they are commanded to be, the peg's with errors in one of the two
 planes of insertion: a command alone would leave a part of them to the joints' friction. The peg
@@ -44,7 +44,7 @@ Plane = Literal["xy", "xz"]
 
 @dataclass(frozen=True, kw_only=True)
 class FedCellScenario(WorkCellScenario):
-    """The cell, its parts, and the feed; the controllers know what the arms hold."""
+    """The cell, its parts, and the feed; the controllers know the arms' loads."""
 
     peg: CellArmSettings = replace(PEG_ARM, payload_error=0.0)
     hole: HoleSettings = replace(HOLE_ARM, payload_error=0.0)
@@ -74,34 +74,34 @@ class FedCellScenario(WorkCellScenario):
         require_resolved_clearance(self.parts, self.speed, self.step)
 
     def support_at(self, depth: float, plane: Plane) -> Support:
-        """Return what the peg is taken to be held by at a depth of its tip, m."""
+        """Return the believed support of the peg at a depth of its tip, m."""
         return self.support.over(support_at(self, depth, plane))
 
     @property
     def fed(self) -> float:
-        """When the feed ends, s."""
+        """Time at which the feed ends, s."""
         return self.feed / self.speed
 
     @property
     def released(self) -> float:
-        """When the push begins to be taken away, s."""
+        """Time at which the push begins to fall, s."""
         return self.fed + self.rest
 
     @property
     def duration(self) -> float:
-        """When the peg's command is back where it was, s."""
+        """Time at which the peg's command is back at the start, s."""
         return self.released + self.feed / self.withdrawal_speed
 
     @property
     def deepest(self) -> float:
-        """How deep the tip can get, m: as it is to, or to the bottom."""
+        """Largest depth of the tip, m: the commanded one, or the bottom."""
         bottom = self.parts.bore_depth
         return self.depth if bottom is None else min(self.depth, bottom)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BlindFeedScenario(FedCellScenario):
-    """The same, with how the peg is off as it is fed."""
+    """The fed cell, with the peg's errors as it is fed."""
 
     plane: Plane = "xy"  # of the errors, in the frame of the hole, x along its axis
     lateral: float = 0.002  # m, of the tip: how far it is off the axis, to +y or +z; assumed
@@ -125,7 +125,7 @@ CellT = TypeVar("CellT", bound=FedCellScenario)
 
 
 def resolve_fed_cell(scenario: CellT) -> CellT:
-    """Fill in where the parts meet and how many facets the clearance asks for."""
+    """Fill in the meeting point of the parts and the number of facets for the clearance."""
     scenario = resolve_arms(scenario)
     contact = scenario.contact.over(scenario.parts)
     return replace(scenario, meeting_point=scenario.mouth, contact=contact)

@@ -1,4 +1,4 @@
-"""Peg and hole that touch in the work cell: what collides there, and what is read of it."""
+"""Peg and hole in contact in the work cell: collision shapes and contact outputs."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -63,7 +63,7 @@ class TouchingParts:
         self._parts, self._material, self._approximation = parts, material, approximation
 
     def add(self, plant: MultibodyPlant, peg: RigidBody, hole: RigidBody) -> None:
-        """Add what collides, before the plant is finalized."""
+        """Add the collision shapes, before the plant is finalized."""
         approximate(plant, self._approximation)
         self._peg, self._hole = peg, hole
         of = _IN_TOOL, self._parts, self._material
@@ -73,7 +73,7 @@ class TouchingParts:
     def monitor(
         self, builder: DiagramBuilder, plant: MultibodyPlant, seated_depth: float
     ) -> PegHoleContactMonitor:
-        """Add the block that tells what touches and the wrench in the mouth's frame.
+        """Add the block that outputs the contacts and the wrench in the mouth's frame.
 
         The peg is seated from ``seated_depth`` on, m, of the tip below the mouth.
         """

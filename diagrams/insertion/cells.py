@@ -1,4 +1,4 @@
-"""Presets of whole cells: ``--set cell=ur5e-fixture``; what one does not name is as by default."""
+"""Presets of whole cells: ``--set cell=ur5e-fixture``; other fields keep their defaults."""
 
 from collections.abc import Mapping
 from typing import Any, Final

@@ -177,7 +177,7 @@ def _jacobian(function: Callable[[Array], Array], size: int) -> Array:
 
 
 def arm_plant(scenario: ResolvedInsertionScenario, arm: ArmName, draws: Draws) -> ArmPlant:
-    """Return what is drawn of one arm's plant."""
+    """Return the drawn plants of one arm."""
     own, k = arm_mass(arms_alone(scenario), arm), scenario.arms.index(arm)
     scales = np.column_stack(
         [np.ones(len(draws.payload)), draws.link_mass[:, k], draws.payload[:, k]]
@@ -194,7 +194,7 @@ def arm_plant(scenario: ResolvedInsertionScenario, arm: ArmName, draws: Draws) -
 
 
 def arms_alone(scenario: ResolvedInsertionScenario) -> WorkCellScenario:
-    """Return what of a scenario the arms and their controllers are."""
+    """Return the part of a scenario that determines the arms and their controllers."""
     names = ("peg", "hole", "impedance", "axis", "gap", "step")
     own: dict[str, Any] = {name: getattr(scenario, name) for name in names}
     return WorkCellScenario(**own, meeting_point=scenario.mouth)
@@ -283,7 +283,7 @@ class _Numbers(NamedTuple):
 def friction_torque(
     speed: Array, torque: Array, mobility: Array, most: Array, sticking: float, step: float
 ) -> None:
-    """Add to joint speeds, (n,), what dry friction takes in a step; ``torque`` begins as the last.
+    """Apply a step's dry friction to joint speeds, (n,); ``torque`` begins as the last.
 
     Each joint is held by a damper of ``sticking``, N m s/rad, up to its friction, by projected
     Gauss-Seidel iterations; ``mobility`` is the inverse mass, (n, n).
@@ -312,7 +312,7 @@ def friction_torque(
 
 @compiled
 def sure_errors(frames: Array) -> tuple[float, float]:
-    """Return lateral error and tilt, as sure as frames, (k, 6), say.
+    """Return upper bounds of lateral error and tilt from frames, (k, 6).
 
     As :func:`chamfer.systems.strategies.insertion_decision.measured_errors`: size of the mean plus
     twice the standard deviation.
@@ -343,7 +343,7 @@ def run_draw(
     noise: Array,
     course: Array,
 ) -> Array:
-    """Run one draw; see :func:`run_alignments` for what goes in and comes out."""
+    """Run one draw; :func:`run_alignments` lists inputs and outputs."""
     arms, n = laws.rest.shape
     period, step, tick, begin = numbers.period, numbers.step, numbers.tick, numbers.begin
     ticks, substeps = len(noise), round(period / step)

@@ -1,4 +1,4 @@
-"""The sampled loop of a position-controlled arm that gives way to force, in contact and free.
+"""The sampled loop of a position-controlled, compliant arm, in contact and free.
 
 A wrist sensor reads what the tool does to its springs, an admittance makes a displacement of it,
 joint servos follow that, and the tip on the wrist's springs presses on a contact that springs too.
@@ -74,7 +74,7 @@ class ContactLoop:
 
     @property
     def lag(self) -> float:
-        """How much later than a displacement that is asked for its force is read, s."""
+        """Delay from a commanded displacement to the reading of its force, s."""
         filtered = 1 / (2 * math.pi * self.bandwidth) if self.bandwidth else 0.0
         servo = self.servo.delay * self.servo.period + 2 / self.servo.frequency
         return servo + filtered + self.delay
@@ -112,7 +112,7 @@ class ContactLoop:
         return AdmittanceParams(**given, damping=damping, period=period, allow_unstable=True)
 
     def arm(self, axes: list[int], share: float) -> Plant:
-        """Return what an asked displacement of some axes does to the wrench that is read.
+        """Return the effect of a commanded displacement of some axes on the measured wrench.
 
         In contact with a share of its stiffness. States: the flange's place and rate, the tip's,
         and the filter.
@@ -188,7 +188,7 @@ def designed_damping(loop: ContactLoop) -> tuple[float, ...]:
     found = np.maximum(loop.stiffness, 1e-6 * np.diag(loop.springs)) * loop.lag
 
     def least(axes: list[int]) -> float:
-        """Return the least factor on what is found so far."""
+        """Return the least factor on the present result."""
         of = np.ix_(axes, axes)
         arms = [
             held(loop.arm(axes, share), period=T, delay=loop.servo.delay * T) for share in _SHARES
@@ -237,7 +237,7 @@ class Remedies(NamedTuple):
 
 
 def remedies(loop: ContactLoop) -> Remedies:
-    """Return what would mend a loop, each by halving; more damping as a share of the designed."""
+    """Return the remedies for a loop, each by bisection; damping as a share of the designed."""
     growing = {axis for one in loop.unstable for axis in axes_of(one)}
     given, servo = loop.damping, loop.servo
     needed = designed_damping(loop)
@@ -270,7 +270,7 @@ def remedies(loop: ContactLoop) -> Remedies:
 
 
 def require_stable(loop: ContactLoop) -> None:
-    """Refuse a loop that is unstable, in contact or free, with what would mend it.
+    """Refuse a loop that is unstable, in contact or free, and name the remedies.
 
     Raises:
         ParameterError: If it is.

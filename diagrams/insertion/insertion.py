@@ -103,14 +103,14 @@ class _WrongParts(ColouredParts):
 
     @property
     def peg(self) -> Peg:
-        """The peg that is there."""
+        """The true peg."""
         peg = super().peg
         return peg._replace(radius=peg.radius + self.excess)
 
 
 @dataclass(frozen=True, kw_only=True)
 class InsertionScenario(AlignmentScenario):
-    """The cameras align the parts, and the peg is inserted; many times if it has to be."""
+    """The cameras align the parts, and the peg is inserted, with retries."""
 
     decide: DecisionParams = field(default_factory=DecisionParams)
     insert: InsertParams = field(default_factory=InsertParams)
@@ -157,12 +157,12 @@ class InsertionScenario(AlignmentScenario):
 
     @property
     def tool_mass(self) -> float:
-        """Of what hangs below the springs of an arm that takes positions, kg, as is believed."""
+        """Believed mass below the springs of an arm that takes positions, kg."""
         return self.peg.tool.mass + (self.compliance.mass or 0.0)
 
     @property
     def wrist(self) -> WristParams:
-        """The springs between the flange of such an arm and the tip, and what they carry."""
+        """The springs between the flange of such an arm and the tip, and their load."""
         tool, more = self.peg.tool, self.peg.payload_error
         x, of_more = tool.centre_of_mass[0], self.peg.payload_position[0]
         mass = tool.mass + more
@@ -175,7 +175,7 @@ class InsertionScenario(AlignmentScenario):
 
     @property
     def stiffness(self) -> tuple[float, ...]:
-        """Of what holds the peg at its tip, N/m and N m/rad along and about the axes, (6,).
+        """Stiffness of the support at the tip, N/m and N m/rad along and about the axes, (6,).
 
         Of an arm that takes positions the springs of its admittance and those below its flange,
         as if both had their centres at the tip.
@@ -188,7 +188,7 @@ class InsertionScenario(AlignmentScenario):
         return tuple(1 / (1 / one + 1 / other) for one, other in zip(arm, springs, strict=True))
 
     def support_at(self, depth: float) -> Support:
-        """Return what the peg is taken to be held by at a depth of its tip, m."""
+        """Return the believed support of the peg at a depth of its tip, m."""
         if self.servo is None:
             return self.support.over(support_at(self, depth))
         device, behind = self.compliance.resolved().support, self.admittance.support
@@ -196,12 +196,12 @@ class InsertionScenario(AlignmentScenario):
 
     @property
     def wedging_support(self) -> Support:
-        """The same where two points decide whether the peg can wedge."""
+        """The support at the depth where two points decide whether the peg can wedge."""
         return self.support_at(self.parts.chamfer_height + self.parts.wedging_depth)
 
     @property
     def unsure(self) -> float:
-        """How far across the hole may be from where it is taken to be, m.
+        """Largest error of the hole's believed position, across its axis, m.
 
         What the cameras leave is as much as the chamfers guide: by that the decision goes.
         Without cameras it is as far as the fixture and the arm may be off.
@@ -212,12 +212,12 @@ class InsertionScenario(AlignmentScenario):
 
     @property
     def unsure_along(self) -> float:
-        """How far along its axis the mouth may be from where it is taken to be, m."""
+        """Largest error of the mouth's believed position, along its axis, m."""
         return _FACE if self.cameras.kind != "none" else max(_FACE, self.hole.position_error)
 
     @property
     def there(self) -> Self:
-        """The same with the parts that are there, which only contact and cameras know."""
+        """The scenario with the true parts, for contact and cameras only."""
         if not self.peg_excess:
             return self
         return replace(self, parts=_WrongParts(**vars(self.parts), excess=self.peg_excess))
@@ -230,7 +230,7 @@ class InsertionScenario(AlignmentScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedInsertionScenario(ResolvedAlignmentScenario, InsertionScenario):
-    """The same with the contact's facets and the feed filled in too: what diagrams take."""
+    """The scenario with the contact's facets and the feed filled in, for diagrams."""
 
     insert: ResolvedInsertParams
 
@@ -350,7 +350,7 @@ def _require_unused(groups: Mapping[str, Any], why: str) -> None:
 
 
 def region_of(scenario: ResolvedInsertionScenario) -> InsertionRegion:
-    """Return the errors with which the peg finds its hole and does not wedge, as is believed."""
+    """Return the believed errors with which the peg finds its hole and does not wedge."""
     return _region(scenario.parts, scenario.wedging_support)
 
 
@@ -532,7 +532,7 @@ def _make_task(scenario: ResolvedInsertionScenario) -> InsertionTask:
 
 
 def controller_of(scenario: ResolvedInsertionScenario) -> InsertionController:
-    """Return all of the diagram's controllers but the arms' own as one law, the same to the bit.
+    """Return all controllers except the arms' own as one law, equal to the bit.
 
     It needs no Drake, and runs beside a robot as well.
     """

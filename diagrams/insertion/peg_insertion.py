@@ -58,7 +58,7 @@ _SIZE: Final = 0.005  # m, of such a body
 
 @dataclass(frozen=True, kw_only=True)
 class FeedSupport(Support):
-    """The support with what Whitney's theory does not need."""
+    """The support with the additional values that a simulation needs."""
 
     axial_stiffness: float = 2e4  # N/m, of feed and support along the axis; assumed
     damping_ratio: float = 0.1  # of the peg on each spring; assumed, small: quasi-static
@@ -101,28 +101,28 @@ class FeedScenario:
 
     @property
     def way(self) -> float:
-        """How far the feed goes, m."""
+        """Travel of the feed, m."""
         return self.gap + self.depth + self.force_cap / self.support.axial_stiffness
 
     @property
     def fed(self) -> float:
-        """When the feed ends, s."""
+        """Time at which the feed ends, s."""
         return self.way / self.speed
 
     @property
     def released(self) -> float:
-        """When the push begins to be taken away, s."""
+        """Time at which the push begins to fall, s."""
         return self.fed + self.rest
 
     @property
     def duration(self) -> float:
-        """When the peg is back where it was, s."""
+        """Time at which the peg is back at the start, s."""
         return self.released + self.fed
 
 
 @dataclass(frozen=True, kw_only=True)
 class PegInsertionScenario(FeedScenario):
-    """The same, with how the peg is off as it is fed in."""
+    """The feed, with the peg's errors at the start."""
 
     lateral: float = 0.0025  # m, of the tip: the mean of the ten runs (section 5)
     tilt: float = 0.022  # rad, the mean of the ten runs; the same sign is assumed, the worst case
@@ -140,7 +140,7 @@ ScenarioT = TypeVar("ScenarioT", bound=FeedScenario)
 
 
 def resolve_peg_insertion(scenario: ScenarioT) -> ScenarioT:
-    """Fill in how many facets the clearance asks for."""
+    """Fill in the number of facets for the clearance."""
     return replace(scenario, contact=scenario.contact.over(scenario.parts))
 
 

@@ -117,7 +117,7 @@ class ResolvedComparedLoopScenario(ComparedLoopScenario):
 
 
 def sampled_response(plant: TransferFunction, camera: ServoCameraParams) -> SettlingPlant:
-    """Return a plant behind all dead times, as controllers with the camera's period meet it.
+    """Return a plant with all dead times, sampled at the camera's period.
 
     Raises:
         ParameterError: If the plant is not stable, or does not follow its command at rest.

@@ -1,4 +1,4 @@
-"""The scenario of the servo loops: what may be set, and how open values are filled in."""
+"""The scenario of the servo loops: its fields, and the derivation of open values."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -49,7 +49,7 @@ class PlantParams(SpringMassDamperParams):
 
 @dataclass(frozen=True, kw_only=True)
 class FsmParams(OpenAxisParams):
-    """The state machine compensator; what is None follows from the settling theorem.
+    """The state machine compensator; None follows from the settling theorem.
 
     Increment and limit are in m, with a plant that is driven by a force in N; without a DC gain
     there is no limit unless it is set.
@@ -109,14 +109,14 @@ class ServoScenario:
 
 @dataclass(frozen=True, kw_only=True)
 class StepScenario(ServoScenario):
-    """Fig. 8: what is followed is a step."""
+    """Fig. 8: a step as desired trajectory."""
 
     desired: Step = field(default_factory=Step)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SinusoidScenario(ServoScenario):
-    """Fig. 9: what is followed is a sinusoid."""
+    """Fig. 9: a sinusoid as desired trajectory."""
 
     desired: Sinusoid = field(default_factory=Sinusoid)
 

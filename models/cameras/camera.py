@@ -1,4 +1,4 @@
-"""Cameras: what they see where, and the two of the work cell.
+"""Cameras: their projection, and the two of the work cell.
 
 Pixel coordinates (u, v) count from the centre of the first pixel, u to the right and v down, so
 that the middle of an image is ((width - 1) / 2, (height - 1) / 2). Camera frame C: z along the
@@ -97,7 +97,7 @@ class LensDistortion:
         return seen
 
     def jacobian(self, points: Vector) -> Matrix:
-        """Return how what is seen moves with the points, shape (..., 2, 2)."""
+        """Return the derivative of the image with respect to the points, shape (..., 2, 2)."""
         k1, k2, p1, p2, k3 = self.coefficients
         x, y = points[..., 0], points[..., 1]
         square = x * x + y * y
@@ -226,7 +226,7 @@ class Camera:
         return np.asarray(seen * self.focal + self.centre)
 
     def shown_by(self, other: "Camera", pixel: Vector) -> Vector:
-        """Return where another camera at this place shows what this one shows at pixels.
+        """Return this camera's pixels in the image of another camera at the same place.
 
         Both of shape (..., 2); NaN where this one or the other one shows nothing.
         """
@@ -264,12 +264,12 @@ class Camera:
         )
 
     def at_unit_focal(self, pixel: Vector) -> Vector:
-        """Return what is seen at pixels as points at a focal length of 1, shape (..., 2)."""
+        """Return pixels as points at a focal length of 1, shape (..., 2)."""
         seen: Vector = (pixel - np.array(self.centre)) / self.focal
         return seen if self.lens is None else self.lens.undistort(seen)
 
     def ray(self, pixel: Vector) -> Vector:
-        """Return the unit vectors, shape (..., 3), world frame, towards what is seen at pixels.
+        """Return the unit vectors, shape (..., 3), world frame, of the rays through pixels.
 
         NaN where nothing can be seen.
         """
@@ -319,7 +319,7 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraStand:
-    """How the work cell's cameras stand to what they look at; all but the size is assumed.
+    """The poses of the work cell's cameras; all except the size is assumed.
 
     They are rolled about their optical axes: where the parts are nearly aligned their edges would
     be parallel to the rows of pixels, and what a row gains or loses would change for all columns
@@ -342,7 +342,7 @@ class CameraStand:
                 raise ParameterError(name, value, f"a whole number from 1 to {_LARGEST}")
 
     def placement(self, view: View, target: tuple[float, float, float]) -> "CameraPlacement":
-        """Return where a camera that looks at a target, m, in the world, stands."""
+        """Return the pose of a camera that looks at a target, m, in the world."""
         stand = {one.name: getattr(self, one.name) for one in fields(CameraStand)}
         return CameraPlacement(view=view, target=target, **stand)
 

@@ -1,4 +1,4 @@
-"""Calibrated cameras as files: what ``camera.yaml`` may hold, read and written.
+"""Calibrated cameras as files: reads and writes ``camera.yaml``.
 
 .. code-block:: yaml
 
@@ -115,7 +115,7 @@ class CameraFile:
 
 
 def read_camera(path: Path) -> CameraFile:
-    """Return what a file says of one camera or of two.
+    """Return the one or two cameras of a file.
 
     Raises:
         ParameterError: If the file can't be read, or a field is missing, unknown or not
@@ -128,7 +128,7 @@ def read_camera(path: Path) -> CameraFile:
 
 
 def camera_text(file: CameraFile) -> str:
-    """Return a file's text, from which :func:`read_camera` makes the same again."""
+    """Return a file's text, which :func:`read_camera` reads back unchanged."""
     document = _plain(file.left, _FACTS)
     deviations = document.pop("sd", {})
     if file.right is not None:

@@ -19,7 +19,7 @@ _OPPOSITE: Final = 1e-6  # sine of the angle from where the way to turn is not k
 
 @dataclass(frozen=True, kw_only=True)
 class CameraModel:
-    """A camera beside another one, that of a stand; None: as something else says, which fills in.
+    """A camera relative to that of a stand; None: filled in from another source.
 
     The camera is moved by ``position`` along the other one's axes; then it is turned by the
     rotation vector ``tilt`` about the other one's u and v axes; and ``roll`` is about the optical
@@ -52,7 +52,7 @@ class CameraModel:
             raise ParameterError("roll", self.roll, "a finite number")
 
     def read(self, camera: Camera) -> Self:
-        """Return this model with what it leaves open as its file says.
+        """Return this model with its open fields from its file.
 
         Args:
             camera: Beside which the model is; the file's camera is there only if the file says
@@ -94,7 +94,7 @@ class CameraModel:
 
     @classmethod
     def beside(cls, camera: Camera, R_WC: Matrix, p_WC: Vector) -> Self:
-        """Return where a pose in the world is beside a camera; all else is open.
+        """Return the model of a pose in the world relative to a camera; other fields stay open.
 
         Raises:
             ParameterError: If it looks the other way.
@@ -112,7 +112,7 @@ class CameraModel:
 
     @classmethod
     def like(cls, camera: Camera) -> Self:
-        """Return a camera's model beside itself."""
+        """Return a camera's model relative to itself."""
         return cls(
             focal_length=camera.focal,
             principal_point=camera.centre,
@@ -123,12 +123,12 @@ class CameraModel:
         )
 
     def over(self, other: Self) -> Self:
-        """Return this model, with what it leaves open as another one says."""
+        """Return this model, with its open fields from another one."""
         given = {name: value for name, value in vars(self).items() if value is not None}
         return replace(other, **given)
 
     def of(self, camera: Camera) -> Camera:
-        """Return the camera of this model beside a camera, by which what is open is filled in.
+        """Return the camera of this model relative to a camera, which fills in open fields.
 
         Raises:
             ParameterError: If there is a file to be read.

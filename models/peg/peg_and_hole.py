@@ -249,7 +249,7 @@ class HolePart(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class PegAndHole(PegHoleGeometry):
-    """A peg and the part with its hole: what theory and contact know of them.
+    """A peg and the part with its hole, for theory and contact.
 
     The planar theory is that of square parts too, as long as errors and tilts are in a plane that
     is parallel to faces: what touches are lines across it.
@@ -334,7 +334,7 @@ OF_CONTACT: Final = ("friction", "chamfer_angle", "bore_depth")  # that nobody s
 
 @dataclass(frozen=True, kw_only=True)
 class ColouredParts(PegAndHole):
-    """The same, with what cameras tell them apart by."""
+    """Peg and hole part, with the colours that distinguish them for cameras."""
 
     peg_colour: Colour = RED  # red, green and blue, 0 to 255, of the peg; the shade is assumed
     hole_colour: Colour = BLUE  # likewise of the part with the hole

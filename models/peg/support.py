@@ -57,7 +57,7 @@ class Support:
 
 @dataclass(frozen=True, kw_only=True)
 class OpenSupport:
-    """A :class:`Support` that follows from what holds peg and hole where nothing is said."""
+    """A :class:`Support` whose open fields follow from the holders of peg and hole."""
 
     lateral_stiffness: float | None = None  # N/m, K_x, across the axis; None: from the arms
     angular_stiffness: float | None = None  # N m/rad, K_theta, about the centre; None: likewise
@@ -67,7 +67,7 @@ class OpenSupport:
         self.over(Support())
 
     def over(self, derived: Support) -> Support:
-        """Return the support, with what is left open as it is derived."""
+        """Return the support, with open fields from the derived one."""
         said = {name: value for name, value in vars(self).items() if value is not None}
         return replace(derived, **said)
 
@@ -82,7 +82,7 @@ def in_series(peg: Support, hole: Support, depth: float) -> Support:
 
 
 def stacked(one: Support, other: Support) -> Support:
-    """Return the one support that two are, one behind the other, both centres from the tip.
+    """Return the one support of two in series, both centres from the tip.
 
     Their compliances add. Seen from the tip, with a and b the heights of the two centres::
 
@@ -110,7 +110,7 @@ def stacked(one: Support, other: Support) -> Support:
 
 
 def strain(part: Support, whole: Support, lateral: Array, tilt: Array) -> tuple[Array, Array]:
-    """Return how far one of several stacked supports gives way, m at its centre, and rad.
+    """Return the deflection of one of several supports in series, m at its centre, and rad.
 
     Small angles. The hole brings the tip back by ``lateral``, m, and ``tilt``, rad, against the
     whole; the load that this takes goes through each part.

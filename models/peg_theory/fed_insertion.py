@@ -44,7 +44,7 @@ class Limits(NamedTuple):
 
     @property
     def verdict(self) -> NDArray[np.int64]:
-        """Of :class:`FeedVerdict`, where there is push enough."""
+        """The :class:`FeedVerdict` with a sufficient push."""
         safe = self.inside & ~self.on_edge
         found = np.where(safe, FeedVerdict.SAFE, FeedVerdict.MAY)
         return np.where(self.misses, FeedVerdict.STOPPED, found).astype(np.int64)
@@ -87,7 +87,7 @@ def predict_feed(
     *,
     depth: float,
 ) -> FeedPrediction:
-    """Say what becomes of pegs with errors in one plane.
+    """Predict the outcome of pegs with errors in one plane.
 
     Safe is a start that is on the chamfers and inside the limits to wedging and sliding, whose
     rim can't sit on the bore's edge, and which needs less push than there is. Stopped is one that

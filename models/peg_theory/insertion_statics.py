@@ -111,7 +111,7 @@ def bore_contact(
     rotation: ArrayLike,
     depth: ArrayLike,
 ) -> BoreContact:
-    """Return what touches, and with what force, at a depth in the bore."""
+    """Return the contacts and their forces at a depth in the bore."""
     eps0, theta0, bore_depth = np.broadcast_arrays(*_floats(lateral, rotation, depth))
     if not np.all((bore_depth >= 0) & np.isfinite(bore_depth)):
         raise ParameterError("depth", depth, "finite numbers >= 0")

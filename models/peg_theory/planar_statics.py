@@ -74,7 +74,7 @@ def tip_height(parts: PegHoleGeometry, depth: Array) -> Array:
 
 
 def mirrored(closing: Closing) -> Closing:
-    """Return the same contact on the left."""
+    """Return the contact mirrored to the left."""
 
     def close(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
         x, at = closing(parts, z, -tilt)
@@ -224,7 +224,7 @@ def equilibrium(
     rotation: ArrayLike,
     depth: ArrayLike,
 ) -> Equilibrium:
-    """Return what touches, and with what force, at a depth.
+    """Return the contacts and their forces at a depth.
 
     Of several sliding equilibria the one with the least force is taken: it is the one that the
     peg is in before two points touch, the others are reached by turning it by force.

@@ -1,4 +1,4 @@
-"""How likely a spiral brings a peg over its hole: what theory says, and exact geometry.
+"""Probability that a spiral brings a peg over its hole: theory, and exact geometry.
 
 The peg is captured where its axis passes the hole's nearer than the clearance and the chamfers
 reach. Of an Archimedean spiral each pass covers a band of twice that width; its last turn ends at
@@ -27,7 +27,7 @@ _FINE: Final = 60.0  # points of a track in a pitch
 
 @dataclass(frozen=True, kw_only=True)
 class SpiralCoverage:
-    """A spiral, and what captures the peg."""
+    """A spiral, and the capture of the peg."""
 
     pitch: float  # m
     radius: float  # m, where it ends

@@ -144,7 +144,7 @@ def two_point_onset(
 def sits_on_edge(
     parts: PegHoleGeometry, lateral: ArrayLike, rotation: ArrayLike
 ) -> NDArray[np.bool_]:
-    """Say where the tilted rim of the peg may sit down on the bore's edge, unseen in a plane.
+    """Return where the peg's tilted rim may sit on the bore's edge, out of the plane.
 
     With errors of opposite signs the chamfer touches the rim on its higher side, and pushes it
     towards the axis until the tilted circle lies in the cone: there its middle is
@@ -250,7 +250,7 @@ class BoxMargin(NamedTuple):
 
 
 def chamfer_needed(parts: PegHoleGeometry, lateral: ArrayLike) -> Array:
-    """Return the chamfer width, m, that a lateral error, m, asks for: ``|eps0| - (R - r)``."""
+    """Return the chamfer width, m, that a lateral error, m, needs: ``|eps0| - (R - r)``."""
     return np.maximum(np.abs(lateral) - parts.clearance, 0.0)
 
 
@@ -290,7 +290,7 @@ def wedging_bounds(
 def sliding_bounds(
     parts: PegHoleGeometry, support: Support, lateral: ArrayLike
 ) -> tuple[Array, Array]:
-    """Return the initial tilts, rad, between which there is always a push that slides the peg.
+    """Return the initial tilts, rad, between which some push always slides the peg.
 
     Beyond them two points touch where the lines of their forces meet on the wrong side of the
     push, which turns the peg by its moment ``F_z L_g theta``: however hard it is, friction holds
@@ -303,7 +303,7 @@ def sliding_bounds(
 def wedges(
     parts: PegHoleGeometry, support: Support, lateral: ArrayLike, rotation: ArrayLike
 ) -> NDArray[np.bool_]:
-    """Say where a peg that starts at eps0, m, and theta0, rad, may wedge."""
+    """Return where a peg that starts at eps0, m, and theta0, rad, may wedge."""
     lower, upper = wedging_bounds(parts, support, lateral)
     theta0 = np.asarray(rotation, dtype=np.float64)
     return (theta0 >= upper) | (theta0 <= lower)
@@ -312,7 +312,7 @@ def wedges(
 def assembles(
     parts: PegHoleGeometry, support: Support, lateral: ArrayLike, rotation: ArrayLike
 ) -> NDArray[np.bool_]:
-    """Say where a start is on the chamfer, free of wedging, and slides."""
+    """Return where a start is on the chamfer, free of wedging, and slides."""
     on_chamfer = np.abs(lateral) < parts.chamfer_limit
     return on_chamfer & (rotation_margin(parts, support, lateral, rotation) > 0)
 

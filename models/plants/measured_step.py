@@ -1,4 +1,4 @@
-"""A measured step response: read from a CSV file, and the plant behind it with its uncertainty."""
+"""A measured step response from a CSV file, and the fitted plant with its uncertainty."""
 
 import csv
 import math
@@ -51,7 +51,7 @@ class IdentifiedPlant:
         return tuple(math.sqrt(max(0.0, one)) for one in self.covariance[:: _PARAMETERS + 1])
 
     def drawn(self, generator: np.random.Generator) -> "IdentifiedPlant":
-        """Return a plant that may as well be behind the measurement."""
+        """Return another plant that the measurement supports equally well."""
         covariance = np.reshape(self.covariance, (_PARAMETERS, _PARAMETERS))
         mean = (self.gain, self.lag, self.ratio, self.dead_time)
         gain, lag, ratio, dead_time = generator.multivariate_normal(
@@ -110,7 +110,7 @@ _ALLOWED: Final = (
 
 
 def unit_doubts(step: MeasuredStep, plant: IdentifiedPlant) -> Iterator[str]:
-    """Yield in what a step seems to have been written down in other units, none if it does not."""
+    """Yield the signs that a step is in other units, none if it is not."""
     lasts = float(step.time[-1] - step.time[0])
     if lasts > _LONGEST:
         yield f"it lasts {lasts:.4g} s; is its time in s, not in ms?"

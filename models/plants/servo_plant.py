@@ -74,7 +74,7 @@ _MECHANICS: Final = ("mass", "damping", "stiffness")
 
 @dataclass(frozen=True, kw_only=True)
 class ServoPlantParams(SpringMassDamperParams):
-    """A plant with one input and one output, told in one of three ways.
+    """A plant with one input and one output, described in one of three ways.
 
     By mass, damping and stiffness, ``k/(m s^2 + b s + k)``; or by a transfer function; or by a
     step response that was measured.

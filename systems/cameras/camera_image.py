@@ -223,7 +223,7 @@ class SensorParams:
 
     @property
     def shades(self) -> bool:
-        """Whether it changes what an image of resting parts shows."""
+        """Whether it changes the image of resting parts."""
         return self.vignetting > 0 or self.white_balance != NEUTRAL
 
 

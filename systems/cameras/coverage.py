@@ -87,7 +87,7 @@ def paint(window: Window, polygon: Array, colour: Array, opaque: bool) -> None:
 
 @compiled
 def intersection(one: Array, other: Array) -> Array:
-    """Return the corners of what two convex polygons have in common (Sutherland and Hodgman).
+    """Return the corners of the intersection of two convex polygons (Sutherland and Hodgman).
 
     Both are of shape (n, 2), in either direction, and so is what is returned; n may be 0.
     """

@@ -1,4 +1,4 @@
-"""A camera in the hand: how it is mounted beside the peg, and what it sees of a mouth."""
+"""A camera in the hand: its mounting next to the peg, and its images of a mouth."""
 
 import math
 from dataclasses import dataclass, replace
@@ -85,7 +85,7 @@ class HandMount:
                 raise ParameterError(name, value, f"a whole number from 1 to {_LARGEST}")
 
     def of(self, parts: ColouredParts, gap: float) -> "HandMount":
-        """Return the mount with what it leaves open filled in.
+        """Return the mount with its open fields filled in.
 
         Raises:
             ParameterError: If the camera never sees the whole mouth at the gap, m.
@@ -105,7 +105,7 @@ class HandMount:
         raise ParameterError("reach", self.reach, f"one with which some camera in the hand {at}")
 
     def read(self) -> "HandMount":
-        """Return the mount with what its file says, if it has one."""
+        """Return the mount with the values of its file, if it has one."""
         if self.file is None:
             return self
         found = read_camera(Path(self.file))

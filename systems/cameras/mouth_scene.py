@@ -1,4 +1,4 @@
-"""The mouth of a hole in a plate, as a camera in the hand sees it beside the peg."""
+"""The image of a hole's mouth in a plate, by a camera in the hand next to the peg."""
 
 import math
 from dataclasses import dataclass, replace
@@ -54,7 +54,7 @@ def render_mouth(
     *,
     plate: PlateStyle = PLATE,
 ) -> Image:
-    """Return what a camera sees of a hole in a plate, shape (height, width, 3).
+    """Return a camera's image of a hole in a plate, shape (height, width, 3).
 
     The poses are of the peg's tip, None without a peg, and of the mouth. What of a peg is below
     the plate's face is not drawn.

@@ -44,7 +44,7 @@ class SceneStyle:
 
 
 class Patch(NamedTuple):
-    """A polygon and the colour that it adds to what is there, red, green and blue."""
+    """A polygon and the colour that it adds, red, green and blue."""
 
     polygon: Array  # pixels, shape (n, 2)
     colour: Array  # shape (3,)
@@ -64,7 +64,7 @@ def scene_shapes(
     X_WM: RigidTransform | None,
     style: SceneStyle,
 ) -> list[Shape]:
-    """Return what a camera without distortion sees, in the order in which it is to be drawn.
+    """Return the shapes that a camera without distortion sees, in drawing order.
 
     The poses are of the peg's tip and of the hole part's mouth frame; None: it is not there.
     """

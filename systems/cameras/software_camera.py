@@ -44,7 +44,7 @@ class PosePorts:
         return peg, hole
 
     def tickets(self) -> set[Any]:
-        """Return what an output that reads the poses depends on."""
+        """Return the prerequisites of an output that reads the poses."""
         return {port.ticket() for port in self._ports}
 
 
@@ -67,7 +67,7 @@ def render(
     *,
     style: SceneStyle = _STYLE,
 ) -> Image:
-    """Return what a camera sees of the peg and the hole part, shape (height, width, 3).
+    """Return a camera's image of the peg and the hole part, shape (height, width, 3).
 
     The poses are of the peg's tip and of the hole part's mouth frame; None: it is not there. The
     nearer part covers the other. A peg in the hole is cut at the plane of the mouth: what is
@@ -86,7 +86,7 @@ def render_moving(
     *,
     style: SceneStyle = _STYLE,
 ) -> Image:
-    """Return what a camera sees whose shutter is open while the parts move, evenly.
+    """Return the image of a camera whose shutter is open while the parts move uniformly.
 
     It is the mean of pictures of at most a pixel's motion each, of up to 32. The poses X_WT and
     X_WM are those when the shutter opens (None: as when it closes) and closes (None: not there).

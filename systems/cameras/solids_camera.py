@@ -55,7 +55,7 @@ def render_solids(
     poses: Mapping[str, RigidTransform],
     style: SceneStyle = _STYLE,
 ) -> Image:
-    """Return what a camera sees of solids.
+    """Return a camera's image of solids.
 
     The solid whose nearest vertex is nearest, along the optical axis, covers the others: a sleeve
     covers what it is put over. A solid that reaches behind the camera is not drawn, nor is one

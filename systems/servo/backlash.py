@@ -1,4 +1,4 @@
-"""A play: what moves only once its input has gone far enough."""
+"""A play: its output moves only once the input has moved far enough."""
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem

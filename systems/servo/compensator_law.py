@@ -35,7 +35,7 @@ def error_class(error: Any, dead_zone: Any, large_error: Any) -> Any:
 
 
 def class_increment(found: Any, increment: Any, divider: Any) -> Any:
-    """Return what a class asks for: n for a large error, n / divider for a small one."""
+    """Return the increment of a class: n for a large error, n / divider for a small one."""
     size = abs(found)
     step = (size == 2) * increment + (size == 1) * (increment / divider)
     return (found > 0) * step - (found < 0) * step
@@ -47,7 +47,7 @@ def limited_sum(compensation: float, increment: float, limit: float) -> float:
 
 
 def is_measured(error: float) -> bool:
-    """Return whether there is a measurement."""
+    """Return whether the error was measured."""
     return math.isfinite(error)
 
 
@@ -80,7 +80,7 @@ class OpenAxisParams:
 
     @property
     def closed(self) -> "AxisParams":
-        """The same, once nothing is left open."""
+        """The parameters with no field left open."""
         return AxisParams(**{name: known(name, value) for name, value in vars(self).items()})
 
 

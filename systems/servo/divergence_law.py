@@ -93,7 +93,7 @@ class DivergenceLaw(Law[DivergenceState, DivergenceObservation, DivergenceComman
     def step(
         self, state: DivergenceState, observation: DivergenceObservation, time: float
     ) -> tuple[DivergenceState, DivergenceCommand]:
-        """Return the state after a frame, and what holds in it."""
+        """Return the state after a frame, and the outputs."""
         blind = observation.blind is not None and bool(observation.blind[0] >= 0.5)
         valid = np.zeros(1) if state.diverged[0] else observation.valid
         stop = np.maximum(state.diverged, float(blind))

@@ -1,4 +1,4 @@
-"""Joint servos of an arm that takes positions: where its tool goes when it is told a pose."""
+"""Joint servos of an arm that takes positions: the motion of its tool to a commanded pose."""
 
 from typing import Final
 

@@ -27,7 +27,7 @@ class OpenPidGains:
 
     @property
     def closed(self) -> "PidGains":
-        """The same, once nothing is left open."""
+        """The gains with no field left open."""
         return PidGains(**{name: known(name, value) for name, value in vars(self).items()})
 
 

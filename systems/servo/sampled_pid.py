@@ -79,7 +79,7 @@ def designed_gains(
     period: float,
     limit: float,
 ) -> PidGains:
-    """Return what of an axis is open by :func:`tuned_gains`, of the plants the most careful ones.
+    """Return an axis with open gains by :func:`tuned_gains`, the most careful of all plants.
 
     To three digits, so that they don't depend on how a machine rounds the response. A gain of the
     error that is given keeps the integral time.

@@ -41,7 +41,7 @@ class SelectorLaw(Law[None, SelectorObservation, SelectorCommand]):
     def step(
         self, state: None, observation: SelectorObservation, time: float
     ) -> tuple[None, SelectorCommand]:
-        """Return what goes through."""
+        """Return the outputs."""
         error, valid, opened = observation
         if opened[1] < 0.5:
             error = np.concatenate([[0.0], error[1:]])

@@ -100,7 +100,7 @@ def sample_plant(
     dead_time: float = 0.0,
     owner: str = "",
 ) -> SettlingPlant:
-    """Return what the settling theorem needs to know of a continuous plant.
+    """Return the properties of a continuous plant that the settling theorem needs.
 
     Args:
         plant: One input, one output, no feed-through.
@@ -155,7 +155,7 @@ class Guarantee:
 
 
 def guarantee(axis: AxisParams, plant: SettlingPlant, measurement_error: float) -> Guarantee:
-    """Return what the theorem says of an axis; ``measurement_error`` is nu."""
+    """Return the theorem's guarantee for an axis; ``measurement_error`` is nu."""
     g, tail = plant.gain, plant.tail()
     small, large = g * axis.small_increment, g * axis.increment
     room = _room(axis.dead_zone, measurement_error)
@@ -236,7 +236,7 @@ def designed_axis(
     measurement_error: float,
     limit: float,
 ) -> AxisParams:
-    """Return what of an axis is open, such that it settles on every plant.
+    """Return an axis with open fields designed such that it settles on every plant.
 
     The dead zone is the smallest one in which the wanted increment settles, the large error the
     smallest one that the theorem allows. Both are rounded up to three digits, which the theorem

@@ -76,14 +76,14 @@ _NEEDED = [AXES.index(axis) for axis in ("y", "z", "pitch", "yaw")]
 
 
 class ImageClock(NamedTuple):
-    """When a camera exposes its frames, and how late they arrive."""
+    """Exposure times of a camera's frames, and the delay of their arrival."""
 
     period: float  # s
     offset: float  # s, of the first exposure
     latency: float  # s, from the middle of the exposure
 
     def age(self, time: float) -> float:
-        """Return how old the image is that is acted on at a time, s, since its exposure."""
+        """Return the age of the image used at a time, s, since its exposure."""
         since = time - self.offset
         # What arrives at this very instant is acted on at the next one.
         since -= (math.ceil(since / self.period - _INSTANT) - 1) * self.period
@@ -117,7 +117,7 @@ class CellErrorParams:
 
     @property
     def longest(self) -> float:
-        """The longest that a measurement may stay what it is, s."""
+        """The longest time that a measurement may stay unchanged, s."""
         return max([self.period, *(image.period for image in self.images)])
 
 

@@ -34,7 +34,7 @@ _AREA: Final = 200  # pixels, at least
 
 
 def cross_section(image: Image) -> CrossSection:
-    """Find the largest thing in an image, shape (height, width, 3), that is not background.
+    """Find the largest object in an image, shape (height, width, 3), that is not background.
 
     The background is the image's median.
     """

@@ -37,13 +37,13 @@ class Status(IntEnum):
 
     @property
     def lost(self) -> bool:
-        """Whether nothing is known of the part."""
+        """Whether the part is lost."""
         return self > Status.OCCLUDED
 
 
 @dataclass(frozen=True, kw_only=True)
 class Detection:
-    """Where a part is in an image; NaN for what was not found.
+    """Position of a part in an image; NaN for values that were not found.
 
     Pixel coordinates u to the right, v down, (0, 0) in the middle of the first pixel.
     """

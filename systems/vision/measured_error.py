@@ -64,7 +64,7 @@ class MeasuredErrorParams(CameraErrorParams):
 
 
 def seen(error: float, sample: float, noise: float, resolution: float) -> float:
-    """Return what a camera shows of an error, m.
+    """Return an error as a camera measures it, m.
 
     The true error and the noise's half-width are in m, its sample from 0 to 1; without resolution,
     m, it is not rounded. A plain function of numbers, so that the compiled loops can compile it.

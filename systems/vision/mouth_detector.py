@@ -1,4 +1,4 @@
-"""Finds the mouth of a hole of known size in a picture, and says how sure it is.
+"""Finds the mouth of a hole of known size in a picture, with its uncertainty.
 
 The rim of the bore is dark inside. Edges vote for where the middle of a mouth is that is about as
 large, and seen about as obliquely, as expected; about the best places ellipses are fitted to the
@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 
 class MouthStatus(IntEnum):
-    """Why a mouth was found or not."""
+    """The detection of a mouth, or the reason why it was not found."""
 
     FOUND = 0
     NOT_SEEN = 1  # no edges of about that shape
@@ -55,7 +55,7 @@ class MouthStatus(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class MouthParams:
-    """Which mouth it can be."""
+    """The limits of a valid mouth."""
 
     reach: float = 0.012  # m, how far from where it is expected; assumed
     most_tilt: float = 0.15  # rad, how far it may lean from what is expected; assumed

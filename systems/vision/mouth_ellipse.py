@@ -126,7 +126,7 @@ class Picture(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """Where the edge is along the normals of an ellipse."""
+    """Positions of the edge along the normals of an ellipse."""
 
     turns: Array  # rad, shape (n,)
     offsets: Array  # pixels, out of the ellipse, NaN where there is none, shape (n,)

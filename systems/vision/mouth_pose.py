@@ -1,4 +1,4 @@
-"""Where a hole is, from looks at the circles of its mouth by a camera in the hand.
+"""Pose of a hole, from pictures of the circles of its mouth by a camera in the hand.
 
 An ellipse is the image of a known circle at two poses; which one it is is known from where the
 hole is expected. Of two circles, or of more looks, the pose is the one with which all ellipses are
@@ -41,7 +41,7 @@ def rims(hole: HolePart) -> tuple[Rim, ...]:
 
 
 class SeenRim(NamedTuple):
-    """A circle of the mouth as a picture shows it."""
+    """A circle of the mouth in a picture."""
 
     rim: Rim
     ellipse: Array  # shape (5,), of :mod:`chamfer.systems.vision.mouth_ellipse`
@@ -56,7 +56,7 @@ class Look(NamedTuple):
 
 
 class HolePose(NamedTuple):
-    """Where a hole is, by looks at it."""
+    """Pose of a hole, estimated from pictures."""
 
     X_WM: RigidTransform  # in the looks' frame; about its axis it is as was expected
     covariance: Array  # shape (5, 5), m and rad, of POSE_AXES, with the hand's part of it
@@ -105,7 +105,7 @@ def hole_pose(
     R_WE, p_WE = expected.rotation().matrix(), expected.translation()
 
     def left(states: Array) -> Array:
-        """Return what is off, in standard deviations, shape (n, ...), of n states."""
+        """Return the residuals, in standard deviations, shape (n, ...), of n states."""
         R, p = R_WE @ _turns(states), p_WE + states[:, :3] @ R_WE.T
         hand = np.zeros((len(states), 6)) if root is None else states[:, _SIZE:] @ root.T
         moved, turn = hand[:, :3], Rotation.from_rotvec(hand[:, 3:]).as_matrix()

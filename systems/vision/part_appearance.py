@@ -183,7 +183,7 @@ _BESIDE: Final = 0.05  # by which a nearer part may be wider beside the other, r
 def appearances(
     parts: ColouredParts, pixel_size: float | None = None, distance: float = math.inf
 ) -> tuple[Appearance, Appearance]:
-    """Return what to look for of the peg and of the hole part, of any size without a pixel's.
+    """Return the appearance of peg and hole part; of any size without a pixel's size.
 
     ``pixel_size`` is what a pixel is believed to cover at the parts, m; ``distance``, m, that of
     the camera: the near face of a square part is nearer by half its width and looks larger.

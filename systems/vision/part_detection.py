@@ -150,7 +150,7 @@ def _within(value: float, limits: Range | None) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class ContinuityParams:
-    """How fast what is seen can change: parts don't jump."""
+    """Largest rates of change of a detection: parts don't jump."""
 
     speed: float = 2000.0  # pixels/s, at most; 1 m/s at 0.5 mm a pixel, assumed
     turning: float = 10.0  # rad/s, at most, of an axis in the image; assumed
@@ -162,7 +162,7 @@ class ContinuityParams:
             raise ParameterError("most_jumps", self.most_jumps, "a whole number from 0 to 1000")
 
     def jumps(self, moved: float, turned: float, seconds: float) -> bool:
-        """Return whether a change, pixels and rad, is too large for the time that it took."""
+        """Return whether a change, pixels and rad, is too large for its time."""
         return moved > self.speed * seconds or abs(turned) > self.turning * seconds
 
 
@@ -177,7 +177,7 @@ class LastSeen(NamedTuple):
 def follow(
     last: LastSeen, found: Detection, time: float, params: ContinuityParams
 ) -> tuple[LastSeen, Detection]:
-    """Return what to remember of a part, and what to believe of it: what was found, or a jump.
+    """Return the new memory of a part, and its accepted detection, or a jump.
 
     What is elsewhere than the part can have got to at the image's time, s, is refused, but not for
     good: if it stays, it was the last belief that was wrong.

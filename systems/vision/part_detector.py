@@ -62,7 +62,7 @@ class ImageMeasurement(LeafSystem):
 
     @abstractmethod
     def measure(self, image: Image | None) -> Array:
-        """Return the vector of an image, shape (height, width, 3); None: there is no image."""
+        """Return the vector of an image, shape (height, width, 3); None: no image."""
 
     def _calc_measured(self, context: Context, vector: BasicVector) -> None:
         rgb = read_image(self._image.Eval(context))
@@ -78,7 +78,7 @@ _FAR: Final = 1e4  # pixels: at the border of the image in that direction
 
 
 class Undistortion:
-    """Makes an image what :meth:`chamfer.models.cameras.camera.Camera.straight` would show.
+    """Straightens an image to that of :meth:`chamfer.models.cameras.camera.Camera.straight`.
 
     What that one would show and this one doesn't is filled with the image's border, so that a part
     which reaches to the border still does.
@@ -96,7 +96,7 @@ class Undistortion:
 
     @classmethod
     def of(cls, camera: Camera) -> Self | None:
-        """Return what straightens a camera's images; None where there is nothing to straighten."""
+        """Return the straightening of a camera's images; None if they are straight."""
         fx, fy = camera.focal
         return None if camera.lens is None and fx == fy else cls(camera)
 
@@ -138,14 +138,14 @@ def alignment_error(peg: Detection, hole: Detection) -> Array:
 
 
 class MeasurementSpread(NamedTuple):
-    """Standard deviations of the error that one image tells."""
+    """Standard deviations of the error measured in one image."""
 
     lateral: float  # pixels
     rotational: float  # rad
 
 
 def measurement_spread(noise: float, peg: float, hole: float, gap: float) -> MeasurementSpread:
-    """Return how much noise, grey levels, moves the errors that one image tells of two long parts.
+    """Return the effect of noise, grey levels, on the errors of two long parts in one image.
 
     Both long edges of a part are lines fitted to one point a column: over so many columns of the
     peg and of the hole part. Over L columns a line's angle has the variance ``12 s^2 / L^3`` and

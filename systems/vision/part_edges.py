@@ -97,7 +97,7 @@ _STRAIGHT: Final = 0.2  # pixels; residuals below are never left out
 
 @compiled
 def fit_line(u: Array, v: Array) -> Line:
-    """Fit a line, leaving out what does not lie on it; NaN in v is no point."""
+    """Fit a line without outliers; NaN in v is no point."""
     basis = np.ones((len(u), 2))
     basis[:, 1] = u - u[0]
     x, rms, points, bend = robust_fit(basis, v)
@@ -349,7 +349,7 @@ def is_the_parts(
     end: End,
     seen: Proportions | None,
 ) -> bool:
-    """Return whether an end is the part's own, as far as can be told.
+    """Return whether an end is the part's own, as far as the image shows.
 
     It is not if something of the background's colour covers the end: then the part is shorter
     than it should be, or it has no chamfer where one should be.

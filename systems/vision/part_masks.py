@@ -1,4 +1,4 @@
-"""Which pixels of an image have a part's colour, and which of them belong together."""
+"""Pixels of an image with a part's colour, and their connected regions."""
 
 from typing import Any, Final, NamedTuple
 
@@ -89,7 +89,7 @@ def row_ends(blob: Blob, front: int, first: int, last: int, most: float) -> Edge
 
 
 class Colours(NamedTuple):
-    """An image's colours as a colour filter takes them."""
+    """An image's colours as inputs of a colour filter."""
 
     hsv: Image  # hue, saturation and value
     neutral: Image  # likewise, if the background were grey; the same where it is
@@ -134,7 +134,7 @@ def median(values: NDArray[np.uint8]) -> Array:
 
 @compiled
 def colour_of(image: Image, blob: Blob) -> Array:
-    """Return the median colour of a blob, of one pixel in eight if there are such."""
+    """Return the median colour of a blob, of one pixel in eight if it is large enough."""
     own, left, top = blob
     for down, right in ((4, 2), (1, 1)):
         rows, columns = np.nonzero(own[::down, ::right])
@@ -172,7 +172,7 @@ def _coloured(hsv: Image, neutral: Image, low: int, width: int, least: int, valu
 
 
 def blobs(mask: Mask, part: Appearance, *, bridged: bool) -> list[Blob]:
-    """Return what of a mask may be the part, the largest first.
+    """Return the blobs of a mask that may be the part, the largest first.
 
     Bridged, pieces belong together that a highlight or a thin thing before the part separates.
     """

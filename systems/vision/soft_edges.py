@@ -65,7 +65,7 @@ def window(width: float) -> int:
 
 @compiled
 def contrast(part: Array, background: Array) -> Normal:
-    """Return what of a background is at right angles to a part's colour, and its square.
+    """Return the component of a background normal to a part's colour, and its square.
 
     The part's shade does not matter to it: no shade of the part has any of it.
 
@@ -86,7 +86,7 @@ def contrast(part: Array, background: Array) -> Normal:
 def colour_beyond(
     image: Pixels, starts: EdgeStarts, step: Step, first: int, last: int
 ) -> tuple[Array, float, int]:
-    """Return the mean colour of pixels beyond an edge, without what differs from most of them.
+    """Return the mean colour of pixels beyond an edge, without outliers.
 
     Looked at are the pixels from ``first`` to ``last`` beyond the starts.
 

@@ -1,4 +1,4 @@
-"""Tips and axes of the parts in space, from what two calibrated cameras see of them.
+"""Tips and axes of the parts in space, from the detections of two calibrated cameras.
 
 The axis in an image and the camera's centre span a plane; the planes of two cameras meet in the
 axis in space.
@@ -28,7 +28,7 @@ _UNKNOWN: Final = (math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, kw_only=True)
 class PartInSpace:
-    """Where a part is in the world; NaN for what was not found."""
+    """Pose of a part in the world; NaN for values that were not found."""
 
     status: Status  # of the worse of the two detections; VALID if one of them has the tip
     tip: tuple[float, float, float] = _UNKNOWN  # m, the middle of the end face
@@ -37,7 +37,7 @@ class PartInSpace:
 
 
 def locate(cameras: Sequence[Camera], detections: Sequence[Detection]) -> PartInSpace:
-    """Return where a part is that two cameras, which look in different directions, see."""
+    """Return the pose of a part that two cameras see from different directions."""
     worse = max(detection.status for detection in detections)
     if worse.lost:
         return PartInSpace(status=worse)
