@@ -54,14 +54,19 @@ from chamfer.analysis.drawing.figure_kit import (
     trial_curves,
 )
 from chamfer.analysis.drawing.figure_style import (
+    AXIS_LOOKS,
     BAND,
     DESIRED,
     FSM,
+    LATERAL,
     PUBLISHED,
+    REGION,
+    ROTATIONAL,
     Style,
     dress,
     legend,
     new_figure,
+    wrapped,
 )
 from chamfer.analysis.published.fsm_work_cell import DROOP, MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.report.replay import record, set_stage
@@ -243,22 +248,12 @@ def resolve_alignment(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
 
 _TITLES: Final = {"xz": "X-Z plane, from the side", "xy": "X-Y plane, from above"}
 _AXIS: Final[Style] = {"color": "#111111", "linestyle": "-", "linewidth": 1.0}
-_AXES: Final[tuple[tuple[str, Style], ...]] = (
-    ("x", {"color": "#777777", "linestyle": ":", "linewidth": 1.6}),
-    ("y", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}),
-    ("z", {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}),
-)
 _QUATERNION: Final[tuple[tuple[str, str, Style], ...]] = (
     ("qw", "w - 1", {"color": "#777777", "linestyle": ":", "linewidth": 1.6}),
-    ("qx", "x", {"color": "#1b7f5c", "linestyle": "-.", "linewidth": 1.4}),
-    ("qy", "y", {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}),
-    ("qz", "z", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}),
+    *((f"q{name}", name, style) for name, style in AXIS_LOOKS.items()),
 )
-_LATERAL: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.6}
-_ROTATIONAL: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.6}
 _SIDES: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.6}
 _SIMPLE: Final[Style] = {"color": "#1b4f9c", "linestyle": (0, (4, 2)), "linewidth": 1.2}
-_FREE: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
 _END: Final[Style] = {"color": "black", "marker": "o", "linestyle": "none", "markersize": 3.5}
 
 
@@ -267,7 +262,11 @@ def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str
 
     Where they are not believed to be straight they are straightened, as they are before detection.
     """
-    figure = new_figure(5.0 * len(moments), 7.4)
+    figure = new_figure(
+        height=2 * (0.75 * (8.0 / len(moments) - 0.6) + 1.0),
+        caption="Pictures of both cameras with the detected axes (black lines) and tips (white "
+        f"crosses) of peg and hole: {', '.join(moments.values())}.",
+    )
     panels = figure.subplots(len(VIEWS), len(moments), squeeze=False)
     for i, view in enumerate(VIEWS):
         looks = looks_in(scenario.cameras, scenario, view)
@@ -281,10 +280,11 @@ def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str
                 _detected(axes, part, image.shape[1])
             axes.set_xlim(-0.5, image.shape[1] - 0.5)
             axes.set_ylim(image.shape[0] - 0.5, -0.5)
-            axes.set_title(f"{_TITLES[view]}: {said}", fontsize=9, loc="left", fontweight="bold")
+            title = wrapped(axes, f"{_TITLES[view]}: {said}")
+            axes.set_title(title, fontsize=9, loc="left", fontweight="bold")
             axes.set_xlabel("u / pixels", fontsize=8)
             axes.set_ylabel("v / pixels", fontsize=8)
-            axes.tick_params(labelsize=7)
+            axes.tick_params(labelsize=8)
     return figure
 
 
@@ -302,41 +302,45 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
     traces = outcome.traces
     time = traces["time"]
     rows = 1 + len(scenario.arms)
-    figure = new_figure(11.0, 0.4 + 3.2 * rows)
+    left = [metric_value(outcome.metrics, f"{kind}_error", 1e3) for kind in KINDS]
+    figure = new_figure(
+        height=0.6 + 2.7 * rows,
+        caption=f"The compensation leaves {left[0]:.2g} mm and {left[1]:.2g} mrad between peg and "
+        "hole (a, b); below is the motion that it adds to each arm.",
+    )
     panels = figure.subplots(rows, 2)
     for k, (name, unit, style) in enumerate(
-        (("lateral", "mm", _LATERAL), ("rotational", "mrad", _ROTATIONAL))
+        (("lateral", "mm", LATERAL), ("rotational", "mrad", ROTATIONAL))
     ):
         axes, mean, settled = panels[0, k], 1e3 * MEAN_ERROR[k], 1e3 * SETTLED[k]
         error = 1e3 * np.maximum(traces[f"{name}_error"], 1e-6)
         axes.semilogy(time, error, **style)
         axes.axhline(mean, label="published mean of ten runs", **PUBLISHED)
         axes.axhspan(1e-9, settled, label="counted as settled", **BAND)
-        # Above the curves there is room for the legend.
-        axes.set_ylim(settled / 100, 8 * max(float(error.max()), mean))
-        dress(axes, title=f"({'ab'[k]}) True {name} error", x="", y=f"error / {unit}")
-        legend(axes, loc="upper right")
+        axes.set_ylim(settled / 100, 2 * max(float(error.max()), mean))
+        title = f"({'ab'[k]}) {name.capitalize()} error ends at {left[k]:.2g} {unit}"
+        dress(axes, title=title, x="", y=f"error / {unit}")
+        legend(axes, ncols=2)
     for (shift, turn), arm, (a, b) in zip(
         panels[1:], scenario.arms, (("c", "d"), ("e", "f")), strict=False
     ):
-        place = {name: 1e3 * traces[f"{arm}_{name}"] for name, _ in _AXES}
+        place = {name: 1e3 * traces[f"{arm}_{name}"] for name in AXIS_LOOKS}
         shifts = [
-            Curve(place[name] - place[name][0], name.upper(), style) for name, style in _AXES
+            Curve(place[name] - place[name][0], name.upper(), style)
+            for name, style in AXIS_LOOKS.items()
         ]
-        title = f"({a}) Lateral compensation, {arm}'s arm"
+        title = f"({a}) Arm of the {arm}: lateral compensation"
         draw_lines(shift, time, shifts, title=title, y="added / mm", over="")
         turned = _relative(traces, arm)
         turns = [Curve(turned[name], label, style) for name, label, style in _QUATERNION]
-        title = f"({b}) Rotational compensation, {arm}'s arm, as quaternion"
+        title = f"({b}) Arm of the {arm}: rotational compensation, quaternion"
         draw_lines(turn, time, turns, title=title, y="element", over="")
-        for axes in (shift, turn):
-            legend(axes, loc="upper left", ncols=4)
-            axes.margins(y=0.3)
     for axes in figure.axes:
         axes.axvspan(0.0, scenario.begin, color="#f2f2f2", linewidth=0, zorder=0)
         axes.set_xlim(0.0, float(time[-1]))
     for axes in figure.axes[-2:]:
-        axes.set_xlabel("time / s; shaded: impedance control alone", fontsize=9)
+        axes.set_xlabel("time / s (shaded: impedance control only)", fontsize=9)
+        legend(axes, ncols=4)
     return figure
 
 
@@ -353,35 +357,42 @@ def repeatability_figures(
     scenario: RepeatabilityScenario, outcome: Outcome
 ) -> Mapping[str, Figure]:
     """Draw every trial's errors over time, and where the trials end in the wedging diagram."""
-    figure = new_figure(11.5, 8.0)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15))
+    wedging = metric_value(outcome.metrics, "wedging")
+    inside = f"{wedging:.3g} % of the trials end" if wedging else "No trial ends"
+    figure = new_figure(
+        height=8.5,
+        caption=f"{inside} outside the wedge-free region (c), {scenario.compensation_time:g} s "
+        f"after the compensation begins. Errors of {scenario.trials} trials over time (a, b).",
+    )
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 1.3))
     table = outcome.tables["errors"]
     for row, (name, unit, published, style) in enumerate(
         (
-            ("lateral", "mm", MEAN_ERROR[0], _LATERAL),
-            ("rotational", "mrad", MEAN_ERROR[1], _ROTATIONAL),
+            ("lateral", "mm", MEAN_ERROR[0], LATERAL),
+            ("rotational", "mrad", MEAN_ERROR[1], ROTATIONAL),
         )
     ):
-        axes = figure.add_subplot(grid[row, 0])
+        axes = figure.add_subplot(grid[0, row])
+        ends_at = metric_value(outcome.metrics, f"{name}_error.mean", 1e3)
         errors = 1e3 * np.maximum(table[f"{name}_error"], 1e-6)
         thin: Style = {"color": style["color"], "linewidth": 0.7, "alpha": 0.6}
         draw_lines(
             axes,
             (),
             trial_curves(table["time"] - scenario.begin, errors, table["trial"], thin),
-            title=f"({'ab'[row]}) True {name} error, {scenario.trials} trials",
+            title=f"({'ab'[row]}) {name.capitalize()} error ends at {ends_at:.2g} {unit} (mean)",
             y=f"error / {unit}",
-            over="time since the compensation's begin / s",
+            over="time since compensation begins / s",
             levels=[ReferenceLine(1e3 * published, "published mean after 2.5 s", PUBLISHED)],
-            key="lower left",
+            key="below",
         )
         axes.set_yscale("log")
         axes.set_xlim(-0.25, scenario.compensation_time)
         axes.set_ylim(1e3 * published / 200, None)
-    ends = figure.add_subplot(grid[:, 1])
+    ends = figure.add_subplot(grid[1, :])
     _ends(ends, scenario, outcome)
     named, _ = ends.get_legend_handles_labels()
-    figure.legend(handles=named, loc="outside lower right", ncols=4, fontsize=8, edgecolor="none")
+    figure.legend(handles=named, loc="outside lower center", ncols=3, fontsize=8, edgecolor="none")
     return {"repeatability": figure}
 
 
@@ -394,7 +405,7 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     exact, simple = (
         rotation_bounds(parts, scenario.held(), x, form)[1] for form in ("exact", "simple")
     )
-    axes.fill_between(1e3 * x, 0.0, 1e3 * exact, label="free of wedging", **_FREE)
+    axes.fill_between(1e3 * x, 0.0, 1e3 * exact, label="free of wedging", **REGION)
     axes.plot(1e3 * x, 1e3 * exact, label="exact side", **_SIDES)
     axes.plot(1e3 * x, 1e3 * simple, label="simple side", **_SIMPLE)
     axes.axhline(1e3 * parts.rotation_limit, label="published limit: the box", **PUBLISHED)
@@ -416,7 +427,7 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
         (WORST_ERROR, "published largest of ten runs", "s"),
     ):
         axes.plot(1e3 * eps, 1e3 * theta, label=label, marker=marker, **published)
-    title = f"(c) After {scenario.compensation_time:g} s, in the wedging diagram"
+    title = f"(c) Errors after {scenario.compensation_time:g} s, in the wedging diagram"
     dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
     axes.set_xlim(0.0, 1e3 * right)
     axes.set_ylim(0.0, 1e3 * top)
@@ -484,7 +495,7 @@ _WITHOUT: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.
 _ADDED: Final[Style] = {"color": "#7a4100", "linestyle": "-.", "linewidth": 1.3}
 _RUNS: Final = (
     ("uncompensated", "without compensation", _WITHOUT),
-    ("compensated", "with compensation by sight", FSM),
+    ("compensated", "with compensation by the cameras", FSM),
 )
 
 
@@ -494,7 +505,12 @@ def tracking_figures(
     """Draw height, error and compensation over time."""
     traces, goal = outcome.traces, scenario.mouth[2]
     time, desired = traces["time"], traces["desired_height"]
-    figure = new_figure(10.0, 7.5)
+    rest = [metric_value(outcome.metrics, f"{name}.height_error", 1e3) for name in RUNS]
+    figure = new_figure(
+        height=6.5,
+        caption=f"The tip of the peg ends {-rest[0]:.2g} mm too low without and {-rest[1]:.2g} mm "
+        "too low with compensation by the cameras.",
+    )
     height, error = figure.subplots(2, 1, sharex=True)
     curves = [Curve(1e3 * desired, "desired", DESIRED)]
     off = []
@@ -503,19 +519,20 @@ def tracking_figures(
         curves.append(Curve(1e3 * reached, label, style))
         off.append(Curve(1e3 * (reached - desired), label, style))
     off.append(Curve(1e3 * traces["compensation"], "compensation added", _ADDED))
-    title, y = "(a) Height of the peg's tip", "height / mm"
-    draw_lines(height, time, curves, title=title, y=y, over="", key="lower right")
+    title = f"(a) Height error at the end: {rest[0]:.2g} mm, with compensation {rest[1]:.2g} mm"
+    draw_lines(height, time, curves, title=title, y="height / mm", over="")
     zone = 1e3 * scenario.compensator.lateral.closed.dead_zone * scenario.cameras.pixel_size
     draw_lines(
         error,
         time,
         off,
-        title=f"(b) Actual minus desired height, and compensation; goal {1e3 * goal:g} mm",
+        title=f"(b) Actual minus desired height, and compensation added; goal {1e3 * goal:g} mm",
         y="error / mm",
         bands=[FilledBand(-zone, zone, "dead zone")],
         levels=[ReferenceLine(1e3 * DROOP, "published: 1.5 mm low", PUBLISHED)],
     )
-    legend(error, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=5)
+    legend(height, ncols=3)
+    legend(error, ncols=3)
     error.set_xlim(0.0, float(time[-1]))
     return {"vertical-tracking": figure}
 

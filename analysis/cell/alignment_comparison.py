@@ -278,20 +278,29 @@ _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_E
 
 def figures(scenario: _Resolved, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw every trial and the median over time, and the errors at the end, trial by trial."""
-    figure = new_figure(11.0, 7.6)
+    figure = new_figure(
+        height=7.6,
+        caption=f"Errors of {scenario.trials} trials with the FSM and with the PID from the same "
+        f"starts: over time (thick: median), and {scenario.compensation_time:g} s after "
+        "compensation begins (grey lines join equal starts).",
+    )
     panels = figure.subplots(2, 2, width_ratios=(1.5, 1.0))
     for row, (name, unit, published) in enumerate(_KINDS):
         over_time, ends = panels[row]
         _over_time(over_time, scenario, outcome, name)
         over_time.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
         over_time.set_ylim(1e3 * published / 1000, None)
-        title = f"({'ac'[row]}) True {name} error: trials thin, median thick"
-        since = "time since the compensation's begin / s"
+        medians = (
+            f"{LOOPS[one][0]} {1e3 * np.median(outcome.traces[f'{one}.{name}_error']):.2g} {unit}"
+            for one in CONTROLLERS
+        )
+        title = f"({'ac'[row]}) Median {name} error at the end: {', '.join(medians)}"
+        since = "time since compensation begins / s"
         dress(over_time, title=title, x=since, y=f"error / {unit}")
-        legend(over_time, loc="lower left")
+        legend(over_time, ncols=3)
         _ends(ends, outcome, name)
         ends.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
-        title = f"({'bd'[row]}) After {scenario.compensation_time:g} s, same starts joined"
+        title = f"({'bd'[row]}) Errors after {scenario.compensation_time:g} s"
         dress(ends, title=title, x="", y=f"error / {unit}")
     return {"alignment-fsm-vs-pid": figure}
 

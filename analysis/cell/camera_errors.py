@@ -35,7 +35,6 @@ from chamfer.analysis.drawing.figure_style import (
     PUBLISHED,
     Style,
     dress,
-    legend,
     new_figure,
 )
 from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR, WORST_ERROR
@@ -271,7 +270,11 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     """
     runs, still = _first(outcome.traces, outcome.tables["still"])
     errors = sorted(scenario.alone, key=lambda one: _weight(one, runs, still))
-    figure = new_figure(11.5, 1.6 + 0.3 * len(errors))
+    figure = new_figure(
+        height=2.2 + 0.3 * len(errors),
+        caption="Angle and offset between peg and hole that each camera error leaves: bias with "
+        "the parts at rest (bars), and the loop in motion (points). The largest angle is on top.",
+    )
     panels = figure.subplots(1, len(_PANELS), sharey=True)
     rows = [_row(one.name, runs) for one in errors]
     moments = (("soon", "none", scenario.soon), ("late", FSM["color"], scenario.compensation_time))
@@ -285,7 +288,7 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
             axes.plot(points, places, label=f"the loop after {seconds:g} s", **look)
         if (none := _row(NONE, runs)) is not None:
             left = 1e3 * runs[f"late.{kind}"][none]
-            axes.axvline(left, label="the loop without an error, at the end", **DESIRED)
+            axes.axvline(left, label="the loop without camera errors", **DESIRED)
         axes.axvline(1e3 * published, label="published mean", **PUBLISHED)
         place = f"{1e3 * scenario.behind:g} mm {where}" if kind == "behind_error" else where
         dress(axes, title=f"Error {place}", x=f"error / {unit}", y="")
@@ -296,7 +299,7 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     panels[0].set_ylim(-0.7, len(errors) - 0.3)
     handles, names = panels[0].get_legend_handles_labels()
     look = {"loc": "outside lower center", "fontsize": 8, "frameon": False}
-    figure.legend(handles, names, ncols=len(names), **look)
+    figure.legend(handles, names, ncols=3, **look)
     return figure
 
 
@@ -339,14 +342,18 @@ def _row(name: str, runs: Table) -> int | None:
 def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     """Draw early errors with drawn errors and starts, with starts alone, and of the paper."""
     runs, _ = _first(outcome.traces, outcome.tables["still"])
-    figure = new_figure(10.5, 4.6)
+    figure = new_figure(
+        height=4.4,
+        caption="Errors left in trials with random camera errors, beside trials without camera "
+        "errors and the published runs.",
+    )
     panels = figure.subplots(1, 2, sharey=True)
     behind = f"{1e3 * scenario.behind:g} mm behind the tip"
     places = ("lateral_error", "at the tip"), ("behind_error", behind)
     for axes, (kind, where) in zip(panels, places, strict=True):
         for name, label, style in (
-            (NONE, "no errors of the cameras", PID),
-            (DRAWN, f"drawn errors of the cameras,\nwithout {_NOT_DRAWN}", FSM),
+            (NONE, "no camera errors", PID),
+            (DRAWN, f"random camera errors,\nwithout {_NOT_DRAWN}", FSM),
         ):
             of = (runs["error"] == name) & ~np.isnan(runs["trial"]) & (runs["seen"] > 0)
             left = 1e3 * runs[f"soon.{kind}"][of], 1e3 * runs["soon.rotational_error"][of]
@@ -360,7 +367,8 @@ def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
         dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
         axes.set_xlim(0.0, None)
         axes.set_ylim(0.0, None)
-    legend(panels[0], loc="best")
+    look: Style = {"loc": "outside lower center", "ncols": 3, "fontsize": 8, "frameon": False}
+    figure.legend(*panels[0].get_legend_handles_labels(), **look)
     return figure
 
 

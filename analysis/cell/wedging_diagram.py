@@ -23,6 +23,7 @@ from chamfer.analysis.cell.alignment_runs import (
 from chamfer.analysis.drawing.figure_style import (
     LIMIT,
     PUBLISHED,
+    REGION,
     Style,
     dress,
     legend,
@@ -286,13 +287,11 @@ STARTS: Final[dict[str, tuple[str, Style]]] = {
 }
 _EXACT: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.8}
 _SIMPLE: Final[Style] = {"color": "#1b4f9c", "linestyle": (0, (4, 2)), "linewidth": 1.2}
-_REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
 _GUIDED: Final[Style] = {"color": "#bccde8", "linewidth": 0}
 _WEDGE: Final[Style] = {"color": "#b00020", "alpha": 0.10, "linewidth": 0}
 _OTHERS: Final = ("#e07b00", "#8f5bb5", "#7a7a7a", "#2a9d9d")
 _ENDS: Final[Style] = {"color": "black", "marker": ".", "linestyle": "none", "markersize": 5}
 _ARMS: Final[Style] = {"color": "black", "linewidth": 1.2, "linestyle": (0, (1, 1))}
-_BELOW: Final[Style] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)}
 _MM: Final = 1e3
 _MRAD: Final = 1e3
 
@@ -304,8 +303,15 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
     points = [*starts.values()]
     if ends is not None:
         points += zip(ends["lateral_error"], ends["rotational_error"], strict=True)
-    figure = new_figure(12.0, 6.6)
-    mosaic = figure.subplot_mosaic([["whole", "near"], ["whole", "force"]], width_ratios=(1.25, 1))
+    wedge = sum(bool(outcome.metrics[f"{name}.wedges"].value) for name in starts)
+    says = f"{wedge or 'None'} of {len(starts)} starts can wedge"
+    figure = new_figure(
+        height=9.5,
+        caption=f"{says}: the published errors and an assumed one in the wedging diagram (a, b), "
+        "with the margin that each leaves, and the force of an insertion from each (c).",
+    )
+    shape = [["whole", "whole"], ["near", "force"]]
+    mosaic = figure.subplot_mosaic(shape, height_ratios=(1.3, 1))
     whole, near, force = (mosaic[name] for name in ("whole", "near", "force"))
     table = outcome.tables["boundaries"]
     for axes in (whole, near):
@@ -318,7 +324,7 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
             arms = outcome.tables["arms"]
             of = np.abs(arms["lateral"]) <= max(parts.lateral_limit, parts.chamfer_limit)
             sides = arms["exact_lower"][of], arms["exact_upper"][of]
-            label = "exact sides, the arms of the simulation"
+            label = "exact sides, simulated arms"
             draw_sides(axes, arms["lateral"][of], sides, label, _ARMS)
             shown = ends["lateral_error"] * _MM, ends["rotational_error"] * _MRAD
             axes.plot(*shown, label="simulated alignments", zorder=3, **_ENDS)
@@ -329,8 +335,8 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
     whole.add_patch(Rectangle((-right, -top), 2 * right, 2 * top, **look))
     near.axhline(parts.rotation_limit * _MRAD, **PUBLISHED)
     x, y = "initial lateral error / mm", "initial rotation / mrad"
-    dress(whole, title="(a) Free of wedging: shaded", x=x, y=y)
-    dress(near, title="(b) Near the published errors, with the margins left", x=x, y=y)
+    dress(whole, title=f"(a) {says} (shaded: free of wedging)", x=x, y=y)
+    dress(near, title="(b) Margins to wedging", x=x, y=y)
     edge = 1.1 * max(parts.lateral_limit, parts.chamfer_limit) * _MM
     whole.set_xlim(-edge, edge)
     tallest = np.max(np.abs(table["exact_upper"]), where=_own(table), initial=0.0)
@@ -339,7 +345,7 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
     x_of, y_of = _MM * np.transpose(points)
     near.set_xlim(min(0.0, 1.1 * x_of.min()), max(1.5 * x_of.max(), 0.0))
     near.set_ylim(min(0.0, 1.1 * y_of.min()), 1.2 * max(y_of.max(), top))
-    legend(whole, ncols=2, **_BELOW | {"bbox_to_anchor": (0.5, -0.09)})
+    legend(whole, ncols=3)
     _force(force, parts, outcome)
     return {"wedging-diagram": figure}
 
@@ -372,7 +378,7 @@ def _region(axes: Axes, parts: PegHoleGeometry, table: Table) -> None:
     rows = own & reached
     x, lower, upper = (table[name][rows] for name in ("lateral", "exact_lower", "exact_upper"))
     bounds = x * _MM, lower * _MRAD, upper * _MRAD
-    axes.fill_between(*bounds, **_REGION)
+    axes.fill_between(*bounds, **REGION)
     axes.fill_between(*bounds, where=np.abs(x) <= parts.chamfer_limit, **_GUIDED)
     _sides(axes, table, rows, "exact", _EXACT)
     _sides(axes, table, rows, "simple", _SIMPLE)
@@ -410,8 +416,8 @@ def _force(axes: Axes, parts: PegHoleGeometry, outcome: Outcome) -> None:
         axes.plot(depth, force, color=style["color"], linewidth=1.6, label=label)
         for at in np.flatnonzero(traces["contact"][of] == Contact.TWO_POINT)[:1]:
             axes.plot(depth[at], force[at], linestyle="none", ms=6, **style)
-    title = "(c) Force down, if it slides on; marks: two points touch"
-    x = "depth of the tip in the bore / mm (negative: on the chamfer)"
+    title = f"(c) Force peaks at {np.nanmax(traces['force']):.2g} N (marks: second contact point)"
+    x = "depth of the tip in the bore / mm\n(negative: on the chamfer)"
     dress(axes, title=title, x=x, y="insertion force / N")
     axes.set_ylim(0.0, 1.08 * float(np.nanmax(traces["force"])))
-    legend(axes, ncols=2, **_BELOW)
+    legend(axes)

@@ -313,7 +313,7 @@ def resolve_campaign(scenario: ChargingCampaignScenario) -> ChargingCampaignScen
 
 
 _LABELS: Final = {
-    "none": ("as it is", "#555555"),
+    "none": ("no remedy", "#555555"),
     "decoupling": ("sensor decoupled", "#1b4f9c"),
     "compensation": ("friction compensated by a base sensor", "#2e8b57"),
     "soft_gripper": ("softer gripper", "#e07b00"),

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from chamfer.analysis.charging.charging_runs import SLIDING, in_space, items_of
 from chamfer.analysis.drawing.chart_path import plot_chart_path
 from chamfer.analysis.drawing.figure_kit import (
-    BESIDE,
     Curve,
     ReferenceLine,
     draw_lines,
@@ -20,6 +19,7 @@ from chamfer.analysis.drawing.figure_kit import (
 )
 from chamfer.analysis.drawing.figure_style import (
     BAND,
+    BESIDE,
     CONTACT_LOST,
     DESIRED,
     LIMIT,

@@ -14,6 +14,7 @@ from chamfer.analysis.drawing.figure_kit import (
     FilledBand,
     ReferenceLine,
     draw_lines,
+    metric_value,
     shade,
 )
 from chamfer.analysis.drawing.figure_style import (
@@ -25,6 +26,7 @@ from chamfer.analysis.drawing.figure_style import (
     NOTE,
     POSITION,
     dress,
+    legend,
     new_figure,
 )
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
@@ -63,11 +65,24 @@ def plot_contact(
     published = [value for value in PUBLISHED if value.experiment == experiment]
     if scenario != fill(default):
         published = []
-    figure = new_figure(11.0, 7.5)
+    metrics = outcome.metrics
+    off, peak = (metric_value(metrics, f"force.{of}") for of in ("deviation", "peak"))
+    desired, after = scenario.task.force, scenario.measure_after
+    within = (
+        f"within {off:.2g} N of {desired:g} N" if off < desired else f"off by up to {off:.2g} N"
+    )
+    figure = new_figure(
+        height=8.5,
+        caption=f"The contact force is {within} after {after:g} s; its peak is {peak:.3g} N. "
+        "Below: position along the surface and distance from it.",
+    )
     force, position, approach = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
     traces = outcome.traces
-    _force(force, scenario, traces, published)
-    _position(position, scenario, traces, published)
+    _force(force, scenario, traces, published, f"(a) Force {within} after {after:g} s")
+    lag = metric_value(metrics, "position.lag_error", 1e3)
+    said = f"(b) Position error up to {lag:.2g} mm after {after:g} s"
+    said = said if np.isfinite(lag) else "(b) Position along the surface"
+    _position(position, scenario, traces, published, said)
     _approach(approach, scenario, outcome)
     low, high = position.get_ylim()
     if high - low < _LEAST_HEIGHT:  # rounding of a position that is held
@@ -92,7 +107,11 @@ adept_nugget_motion = partial(plot_contact, "adept-nugget-motion", ADEPT_NUGGET_
 
 
 def _force(
-    axes: Axes, scenario: HybridScenario, traces: Table, published: Sequence[Published]
+    axes: Axes,
+    scenario: HybridScenario,
+    traces: Table,
+    published: Sequence[Published],
+    title: str,
 ) -> None:
     time, desired = traces["time"], scenario.task.force
     after = time >= scenario.measure_after
@@ -105,14 +124,12 @@ def _force(
         if value.metric == "contact_time" and value.value is not None:
             label = f"published contact, {value.value:g} s"
             levels.append(ReferenceLine(value.value, label, figure_style.PUBLISHED, upright=True))
-    label = f"scratches glass if sustained, {SCRATCH_FORCE:g} N"
+    label = f"scratches glass, {SCRATCH_FORCE:g} N sustained"
     levels.append(ReferenceLine(SCRATCH_FORCE, label, LIMIT))
     shade_losses(axes, traces)
     measured = [Curve(traces["measured_force"], "measured", FORCE)]
-    title = "(a) Contact force"
-    draw_lines(
-        axes, time, measured, title=title, y="force / N", over="", levels=levels, key="beside"
-    )
+    draw_lines(axes, time, measured, title=title, y="force / N", over="", levels=levels)
+    legend(axes, ncols=3)
     regular = float(np.max(traces["measured_force"][after], initial=desired))
     top = _ABOVE * max(regular, desired)
     peak = float(traces["measured_force"].max())
@@ -141,7 +158,11 @@ def _published_band(published: Sequence[Published]) -> tuple[float, float] | Non
 
 
 def _position(
-    axes: Axes, scenario: HybridScenario, traces: Table, published: Sequence[Published]
+    axes: Axes,
+    scenario: HybridScenario,
+    traces: Table,
+    published: Sequence[Published],
+    title: str,
 ) -> None:
     middle = 1e3 * float(np.array(scenario.task.start) @ scenario.along)
     actual = 1e3 * traces["position"] - middle
@@ -157,12 +178,12 @@ def _position(
         axes,
         traces["time"],
         [Curve(desired, "desired", DESIRED), Curve(actual, "actual", POSITION)],
-        title="(b) Position along the surface",
+        title=title,
         y=f"{which} from start / mm",
         over="",
         bands=bands,
-        key="beside",
     )
+    legend(axes, ncols=3)
 
 
 def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
@@ -185,7 +206,11 @@ def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
     axes.set_yscale("symlog", linthresh=1.0)
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
-    dress(axes, title="(c) Distance from the surface", x="time / s", y="distance / mm")
+    losses = metric_value(outcome.metrics, "contact.losses")
+    lost = {0: "no contact is lost", 1: "contact is lost once"}
+    said = lost.get(losses, f"contact is lost {losses:.0f} times")
+    title = f"(c) Distance from the surface: {said}" if np.isfinite(losses) else "(c) Distance"
+    dress(axes, title=title, x="time / s", y="distance / mm")
 
 
 def shade_losses(axes: Axes, traces: Table) -> None:

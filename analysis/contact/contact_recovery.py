@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.campaign.campaign import run_each
@@ -15,6 +16,7 @@ from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.contact.contact_figures import note_stability
 from chamfer.analysis.contact.contact_metrics import QUANTITIES, stability_metrics
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
+from chamfer.analysis.drawing.figure_kit import metric_value
 from chamfer.analysis.drawing.figure_style import (
     DESIRED,
     FORCE,
@@ -154,8 +156,17 @@ _WITHOUT = {"color": "#b00020", "linestyle": "--", "linewidth": 1.2}
 
 def figures(scenario: PlanarLoop, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw force and distance after the blow, with and without the loss mode, and the bounces."""
-    figure = new_figure(11.0, 7.5)
-    panels = figure.subplot_mosaic([["force", "bounces"], ["distance", "bounces"]])
+    hit, without = (
+        metric_value(outcome.metrics, name)
+        for name in ("recontact.force", "without_loss_mode.force")
+    )
+    says = f"{hit:.2g} N at most with the loss mode, {without:.2g} N without"
+    figure = new_figure(
+        height=9.5,
+        caption=f"After a blow the force is {says}. Below: speed of each bounce without it.",
+    )
+    panels = figure.subplot_mosaic([["force"], ["distance"], ["bounces"]])
+    panels["distance"].sharex(panels["force"])
     blow = scenario.task.kick_time or 0.0
     for table, label, style in (
         (outcome.tables["without_loss_mode"], "force integral goes on", _WITHOUT),
@@ -167,14 +178,14 @@ def figures(scenario: PlanarLoop, outcome: Outcome) -> Mapping[str, Figure]:
         panels["distance"].plot(time, 1e3 * table["gap"][shown], label=label, **style)
     panels["force"].axhline(scenario.task.force, label="desired", **DESIRED)
     panels["distance"].axhline(0.0, **DESIRED)
-    dress(panels["force"], title="(a) Force after a blow", x="", y="force / N")
+    dress(panels["force"], title=f"(a) Force after a blow: {says}", x="", y="force / N")
     dress(
         panels["distance"],
         title="(b) Distance from the surface",
         x="time after the blow / s",
         y="distance / mm",
     )
-    legend(panels["force"], loc="upper right")
+    legend(panels["distance"], ncols=2)
     axes, table = panels["bounces"], outcome.tables["bounces"]
     gains = np.unique(table["force_integral"])
     for i, gain in enumerate(gains):
@@ -186,12 +197,13 @@ def figures(scenario: PlanarLoop, outcome: Outcome) -> Mapping[str, Figure]:
     axes.axhline(SAFE_SPEED, label=f"safe for glass, {SAFE_SPEED:g} m/s", **LIMIT)
     dress(
         axes,
-        title="(c) Without the loss mode, by force integral",
+        title="(c) Speed of bounces without the loss mode, by gain of the force integral",
         x="impact",
-        y="speed of the impact / (m/s)",
+        y="impact speed / (m/s)",
     )
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("{x:g}")
-    legend(axes, loc="best")
+    legend(axes, ncols=6)
     note_stability(figure, outcome)
     return {"contact-recovery": figure}

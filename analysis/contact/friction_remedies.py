@@ -14,8 +14,8 @@ from chamfer.analysis.campaign.trial_metrics import prefixed, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.contact.contact_metrics import mean_over_seeds, stability_metrics
 from chamfer.analysis.contact.contact_runs import measure, run_contact
-from chamfer.analysis.drawing.figure_kit import draw_means, name_rows
-from chamfer.analysis.drawing.figure_style import FORCE, POSITION, Style, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_kit import draw_means, metric_value, name_rows
+from chamfer.analysis.drawing.figure_style import FORCE, POSITION, Style, dress, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.contact_scenarios import (
     ADEPT_NUGGET_MOTION,
@@ -180,7 +180,7 @@ def resolve_friction_remedies(scenario: RemediesScenario) -> RemediesScenario:
 
 
 _LABELS: Final = {
-    "none": "as it is",
+    "none": "no remedy",
     "rubber_cover": "rubber cover",
     "decoupling": "sensor decoupled",
     "full_dynamics": "full dynamics",
@@ -195,7 +195,13 @@ _LABELS: Final = {
 
 def figures(_: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw force deviation and position error for each test and remedy, a dot a seed."""
-    figure = new_figure(11.0, 7.0)
+    gain = [metric_value(outcome.metrics, f"{test}.none.force.true_deviation") for test in TESTS]
+    figure = new_figure(
+        height=7.6,
+        caption="Largest true deviation of the force without any remedy: "
+        + ", ".join(f"{one:.2g} N ({test})" for one, test in zip(gain, TESTS, strict=True))
+        + ". Bars are means over the seeds with each remedy, dots are single seeds.",
+    )
     panels = figure.subplots(2, 2, sharey=True, width_ratios=(3, 2))
     traces = outcome.traces
     for i, test in enumerate(TESTS):
@@ -203,14 +209,15 @@ def figures(_: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
         remedy = traces["remedy"][of]
         force, position = panels[i]
         for name, label, offset, color in (
-            ("measured", "measured, with sensor noise and cross-talk", -0.2, FORCE["color"]),
+            ("measured", "measured (noise, cross-talk)", -0.2, FORCE["color"]),
             ("true", "true", 0.2, POSITION["color"]),
         ):
             look: Style = {"offset": offset, "height": 0.36, "label": label}
             draw_means(force, traces[name][of], remedy, color, **look)
         draw_means(position, 1e3 * traces["position"][of], remedy, "#777777", height=0.5)
-        dress(force, title=f"{test}: largest deviation of the force", x="force / N", y="")
-        dress(position, title=f"{test}: largest position error", x="error / mm", y="")
+        dress(force, title=f"{test}: force deviation", x="largest deviation / N", y="")
+        dress(position, title=f"{test}: position error", x="largest error / mm", y="")
         name_rows(force, [_LABELS[name] for name in REMEDIES])
-    legend(panels[0, 0], loc="lower right")
+    look = {"loc": "outside lower center", "ncols": 2, "fontsize": 8, "edgecolor": "none"}
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), **look)
     return {"friction-remedies": figure}

@@ -322,7 +322,13 @@ def plot_stability(loop: PlanarLoop, cases: Sequence[tuple[str, str]], outcome: 
     """Draw a map for each elbow and law: blue where stable, shaded by growth where not."""
     traces = outcome.traces
     size = round(np.sqrt(len(traces["x"]) / len(cases)))
-    figure = new_figure(11.0, 9.5)
+    shares = (outcome.metrics[f"{'.'.join(one)}.unstable_share"].value or 0.0 for one in cases)
+    figure = new_figure(
+        height=7.0,
+        caption=f"{sum(share > 0 for share in shares)} of {len(cases)} cases have unstable places "
+        "in the workspace (dark: fast growth; light blue: stable). Circle: the crucible; dot: "
+        "where the arm touches it.",
+    )
     figure.set_layout_engine("compressed")  # for panels of equal scale
     panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
     growth = traces["growth"]
@@ -348,15 +354,28 @@ def plot_stability(loop: PlanarLoop, cases: Sequence[tuple[str, str]], outcome: 
         axes.set_aspect("equal")
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=panels.tolist(), shrink=0.6)
-        bar.set_label("growth out of contact / (1/s); blue: stable", fontsize=9)
+        bar.set_label("growth out of contact (blue: stable) / (1/s)", fontsize=9)
+        bar.ax.tick_params(labelsize=8)
     return figure
 
 
 def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
     """Draw growth by the torque's delay and by the force integral, and poles in contact."""
-    figure = new_figure(12.0, 4.6)
-    delay, integral, plane = figure.subplots(1, 3)
-    table = outcome.tables["delays"]
+    table, late = outcome.tables["delays"], "growth_one_sample_late"
+    found = {
+        name.removesuffix(f".{late}"): one.value
+        for name, one in outcome.metrics.items()
+        if name.endswith(late)
+    }
+    unstable = sum((one or 0.0) > 0 for one in found.values())
+    figure = new_figure(
+        height=8.5,
+        caption=f"{unstable} of {len(found)} loops are unstable with the torque one sample late. "
+        "Growth over the delay (a) and the gain of the force integral (b); poles in contact (c).",
+    )
+    shape = [["delay", "delay"], ["integral", "plane"]]
+    panels = figure.subplot_mosaic(shape, height_ratios=(1, 1.3))
+    delay, integral, plane = (panels[name] for name in ("delay", "integral", "plane"))
     for i, (name, loop) in enumerate(sets.items()):
         control = loop.controller
         gains = f"Kp {control.stiffness:g}, Ki {control.integral:g}, Kd {control.damping:g}"
@@ -379,16 +398,16 @@ def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
     delay.annotate(
         "one sample", (1.02e3 * period, 0.93), xycoords=("data", "axes fraction"), **NOTE
     )
-    dress(delay, title="(a) Torque that comes late", x="delay / ms", y="growth / (1/s)")
-    delay.set_ylim(top=1.7 * max(1.0, float(table["growth"].max())))  # room for the legend
-    legend(delay, loc="upper left")
+    dress(delay, title="(a) Growth with a delayed torque", x="delay / ms", y="growth / (1/s)")
+    delay.set_ylim(top=1.1 * max(1.0, float(table["growth"].max())))
+    legend(delay, ncols=3)
     dress(
         integral,
-        title="(b) Force integral in contact, dotted: as it is",
+        title="(b) Growth in contact by force integral (dotted: the gain used)",
         x="force integral / (1/s)",
         y="growth / (1/s)",
     )
-    legend(integral, loc="upper left")
+    legend(integral)
     drawn = outcome.tables["poles"]
     for model, label, marker, size in (
         (0, "differences of the diagram", "o", 8),
@@ -400,5 +419,5 @@ def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
     plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, **DESIRED))
     plane.set_aspect("equal")
     dress(plane, title="(c) Poles in contact, chapter 2", x="real part", y="imaginary part")
-    legend(plane, loc="center", bbox_to_anchor=(0.45, 0.25))
+    legend(plane)
     return figure

@@ -260,7 +260,11 @@ _LOOP_LABELS: Final = {
 def figures(scenario: SensitivityScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw force deviation and position error for each loop and imperfection, a dot a seed."""
     desired = {name: getattr(scenario, name).task.force for name in LOOPS}
-    figure = new_figure(12.0, 8.0)
+    figure = new_figure(
+        height=8.2,
+        caption="Largest force deviation and position error of each loop with each imperfection "
+        "of sensors and computer, alone and together (dots: seeds; dotted: ideal loop).",
+    )
     panels = figure.subplots(2, len(desired), sharey=True, sharex="row")
     traces = outcome.traces
     force, position = panels
@@ -273,22 +277,19 @@ def figures(scenario: SensitivityScenario, outcome: Outcome) -> Mapping[str, Fig
         dress(
             force[i],
             title=f"{_LOOP_LABELS[loop]}, {newtons:g} N",
-            x="largest deviation of the force / % of what is desired",
+            x="force deviation / % of desired",
             y="",
         )
-        dress(position[i], title="", x="largest position error / mm", y="")
+        dress(position[i], title="", x="position error / mm", y="")
         _say(force[i], {name: traces[name][of] for name in _SAID}, which)
     values = 100 * traces["force"] / np.array(list(desired.values()))[traces["loop"].astype(int)]
     known = values[np.isfinite(values) & (values > 0)]
+    # With room to say more; a logarithmic axis can't find limits where all have diverged.
+    force[0].set_xlim(known.min(initial=100.0) / 2, known.max(initial=100.0) * 8)
     force[0].set_xscale("log")
-    if len(known):
-        force[0].set_xlim(known.min() / 2, max(100.0, known.max()) * 8)  # with room to say more
     force[0].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     for panel in (force[0], position[0]):
         name_rows(panel, [_LABELS[name] for name in IMPERFECTIONS])
-    figure.suptitle(
-        "What each imperfection of sensors and computer costs, alone and together", fontsize=11
-    )
     return {"sensing-sensitivity": figure}
 
 

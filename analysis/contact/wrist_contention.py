@@ -10,6 +10,7 @@ from pydrake.systems.framework import Diagram
 from chamfer.analysis.campaign.trial_metrics import prefixed
 from chamfer.analysis.contact.contact_figures import note_stability
 from chamfer.analysis.contact.contact_runs import run_trials
+from chamfer.analysis.drawing.figure_kit import metric_value
 from chamfer.analysis.drawing.figure_style import (
     DESIRED,
     FORCE,
@@ -69,7 +70,15 @@ def _wrist_error(scenario: AdeptScenario, outcome: Outcome) -> Metric:
 
 def figures(scenario: AdeptScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw force and wrist error of both runs."""
-    figure = new_figure(11.0, 6.5)
+    on, off = (
+        metric_value(outcome.metrics, f"{of}force.deviation")
+        for of in ("", "wrist_integrator_off.")
+    )
+    figure = new_figure(
+        height=6.0,
+        caption=f"With the wrist's integrator on the force deviates by {on:.2g} N, "
+        f"with it off in contact by {off:.2g} N.",
+    )
     force, angle = figure.subplots(2, 1, sharex=True)
     for table, label, style in (
         (outcome.traces, "integrator on", POSITION),
@@ -82,8 +91,9 @@ def figures(scenario: AdeptScenario, outcome: Outcome) -> Mapping[str, Figure]:
     angle.axhline(0.0, **DESIRED)
     force.set_ylim(bottom=0)
     angle.set_xlim(0, scenario.duration)
-    dress(force, title="(a) Contact force", x="", y="force / N")
-    dress(angle, title="(b) Wrist", x="time / s", y="desired minus actual / degrees")
-    legend(force, loc="lower right")
+    title = f"(a) Force deviation {on:.2g} N with the wrist's integrator, {off:.2g} N without"
+    dress(force, title=title, x="", y="force / N")
+    dress(angle, title="(b) Wrist angle", x="time / s", y="desired minus actual / deg")
+    legend(force, ncols=3)
     note_stability(figure, outcome)
     return {"wrist-contention": figure}

@@ -17,12 +17,21 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
-from chamfer.analysis.drawing.figure_style import BAND, FORCE, NOTE, Style, dress, legend
+from chamfer.analysis.drawing.figure_style import (
+    ABOVE,
+    BAND,
+    BESIDE,
+    FORCE,
+    NOTE,
+    Style,
+    dress,
+    legend,
+)
 
 Array = NDArray[np.float64]
 Visit = tuple[float, float, str]  # begin and end, s, and what is said of it
 
-BESIDE: Final[Style] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}  # a legend's place
+PLACES: Final[dict[str, Style]] = {"below": {}, "beside": BESIDE, "above": ABOVE}  # of legends
 VISITS: Final = ("#ffffff", "#eceff4")  # behind curves, in turns
 _STRIP: Final = ("#cfe0f5", "#f9dcb8")
 _BAD: Final = "#f3b6b6"
@@ -93,7 +102,7 @@ def draw_lines(
     """Draw bands, lines and levels, one in front of the other, over an abscissa.
 
     ``y`` and ``over`` are the axes' labels; with ``log`` both are logarithmic. The legend has its
-    place ``beside`` the axes or by a ``key`` of Matplotlib's, None: there is none.
+    place ``below``, ``beside`` or ``above`` the axes by its ``key``, None: there is none.
     """
     for band in bands:
         look = {"label": band.label, **(band.style or BAND)}
@@ -111,7 +120,7 @@ def draw_lines(
         axes.set(xscale="log", yscale="log")
     dress(axes, title=title, x=over, y=y)
     if key is not None:
-        legend(axes, ncols=columns, **(BESIDE if key == "beside" else {"loc": key}))
+        legend(axes, ncols=columns, **PLACES.get(key, {"loc": key}))
 
 
 def trial_curves(
@@ -172,7 +181,7 @@ def draw_strip(axes: Axes, visits: Sequence[Visit], duration: float) -> None:
         stem: Style = {"color": "#888888", "linewidth": 0.6, "clip_on": False}
         axes.plot([(begin + end) / 2, x], [0.13, 0.24], **stem)
         weight = "bold" if wrong else "normal"
-        text: Style = {"rotation": 90, "ha": "center", "va": "bottom", "fontsize": 7.5}
+        text: Style = {"rotation": 90, "ha": "center", "va": "bottom", "fontsize": 8}
         axes.text(x, 0.27, name, weight=weight, **text)
     axes.set_axis_off()
 
@@ -202,6 +211,7 @@ def colour_bar(axes: Axes, drawn: ScalarMappable, label: str, **options: Any) ->
     """Draw the scale of the colours beside axes."""
     bar = axes.figure.colorbar(drawn, ax=axes, **{"shrink": 0.85, **options})
     bar.set_label(label, fontsize=8)
+    bar.minorticks_off()
     bar.ax.tick_params(labelsize=8)
 
 
@@ -291,7 +301,7 @@ def draw_shares(
             if share >= _LEAST_SHARE or (share and name in own):
                 dark = 255 * np.dot(to_rgb(colour), (0.3, 0.6, 0.1)) < 128
                 ink = "white" if dark else "black"
-                middle: Style = {"ha": "center", "va": "center", "fontsize": 7, "color": ink}
+                middle: Style = {"ha": "center", "va": "center", "fontsize": 8, "color": ink}
                 axes.text(left + share / 2, row, own.get(name, f"{share:.0f}"), **middle)
             left += share
     axes.set_xlim(0, 100)

@@ -1,5 +1,6 @@
 """One look for every figure: the same colours and line styles for the same things."""
 
+import textwrap
 from typing import Any, Final
 
 from matplotlib.axes import Axes
@@ -29,6 +30,28 @@ LOOPS: Final[dict[str, tuple[str, Style]]] = {
     "pid_camera": ("eq. (2) behind the camera", _line("#6fa0e8", "-", 1.3)),
     "pid_designed": ("PID designed for the camera", _line("#1b4f9c", "-.", 1.8)),
 }
+# Axes of a frame, and the planes in which an axis is across: XY has the look of Y.
+AXIS_LOOKS: Final[dict[str, Style]] = {
+    "x": _line("#1b4f9c", "-", 1.4),
+    "y": _line("#e07b00", "--", 1.6),
+    "z": _line("#1b7f5c", "-.", 1.6),
+}
+LATERAL: Final[Style] = _line("#e07b00", "-", 1.6)  # errors of a part
+ROTATIONAL: Final[Style] = _line("#1b4f9c", "--", 1.6)
+# Estimators of the surface normal: label, colour, marker.
+OBSERVERS: Final[dict[str, tuple[str, str, str]]] = {
+    "thesis": ("thesis", "#555555", "s"),
+    "gated": ("gated", "#9a9a9a", "v"),
+    "prior_weights": ("weights from the prior", "#b58900", "<"),
+    "vision": ("weights from the prior, camera", "#7a0060", "P"),
+    "curvature": ("curvature state", "#6fa0e8", ">"),
+    "friction": ("friction-angle state", "#b00020", "X"),
+    "mixture": ("earlier adaptive, mixture only", "#8f5bb5", "p"),
+    "trusting": ("adaptive, trusts its model", "#1b4f9c", "D"),
+    "adaptive": ("adaptive", "#e07b00", "o"),
+    "adaptive_vision": ("adaptive, camera", "#7a4100", "d"),
+}
+REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}  # free of wedging, or stable
 PUBLISHED: Final[Style] = {"color": "#b00020", "linestyle": (0, (1, 1.5)), "linewidth": 1.3}
 FORCE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.2}
 POSITION: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.6}
@@ -36,6 +59,11 @@ LIMIT: Final[Style] = {"color": "#7a0060", "linestyle": (0, (6, 2)), "linewidth"
 CONTACT_LOST: Final[Style] = {"color": "#e0b000", "alpha": 0.35, "linewidth": 0}
 BAND: Final[Style] = {"color": "#9a9a9a", "alpha": 0.3, "linewidth": 0}
 NOTE: Final[Style] = {"fontsize": 8, "color": "#b00020"}
+# Places of a legend that cover no data: below the labels, beside, or above right of the title.
+BELOW: Final[Style] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0)}
+BESIDE: Final[Style] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+ABOVE: Final[Style] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
+_COLUMNS: Final = 10.4  # letters of a title in an inch of figure, with room for the labels
 
 
 def new_figure(width: float = 8.0, height: float = 6.0, *, caption: str = "") -> Figure:
@@ -52,8 +80,8 @@ def new_figure(width: float = 8.0, height: float = 6.0, *, caption: str = "") ->
 
 
 def dress(axes: Axes, *, title: str, x: str, y: str) -> None:
-    """Give axes a title, labels with units and a light grid."""
-    axes.set_title(title, fontsize=10, loc="left", fontweight="bold")
+    """Give axes a title, which is wrapped to their column, labels with units and a light grid."""
+    axes.set_title(wrapped(axes, title), fontsize=9, loc="left", fontweight="bold")
     axes.set_xlabel(x, fontsize=9)
     axes.set_ylabel(y, fontsize=9)
     axes.tick_params(labelsize=8)
@@ -63,6 +91,21 @@ def dress(axes: Axes, *, title: str, x: str, y: str) -> None:
         axes.spines[side].set_visible(False)
 
 
+def wrapped(axes: Axes, title: str) -> str:
+    """Return a title in as many lines as it needs to stay within its column of the figure."""
+    part, place = axes.get_figure(root=False), axes.get_subplotspec()
+    if part is None or place is None:
+        return title
+    share = len(place.colspan) / place.get_gridspec().ncols
+    columns = max(int(_COLUMNS * share * part.bbox.width / part.dpi), 12)
+    return "\n".join(textwrap.wrap(title, columns, break_long_words=False))
+
+
 def legend(axes: Axes, **options: Any) -> None:
-    """Draw a small legend on white."""
-    axes.legend(fontsize=8, framealpha=0.9, edgecolor="none", **options)
+    """Draw a small legend, below the axes unless options say where, so that it covers no data."""
+    place: Style = {}
+    if not {"loc", "bbox_to_anchor"} & set(options):
+        label = axes.get_xlabel()
+        place = BELOW | {"borderaxespad": 2.8 + 1.4 * label.count("\n") if label else 1.4}
+        place["borderaxespad"] += 1.4 if axes.xaxis.get_tick_params()["labelbottom"] else 0.0
+    axes.legend(**{"fontsize": 8, "framealpha": 0.9, "edgecolor": "none", **place, **options})

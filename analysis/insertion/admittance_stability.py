@@ -180,16 +180,23 @@ def loop_metrics(loop: ContactLoop) -> dict[str, Metric]:
 
 def figures(scenario: ContactStabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
-    figure = new_figure(7.0, 4.8)
-    axes, traces, tried = figure.subplots(), outcome.traces, outcome.tables["tried"]
+    traces, tried = outcome.traces, outcome.tables["tried"]
     k = traces["stiffness"]
+    border = np.exp(np.interp(np.log(tried["stiffness"]), np.log(k), np.log(traces["border"])))
+    agree = np.sum((tried["damping"] < border) == (tried["grew"] > 0))
+    says = f"{agree} of {len(border)} simulations agree with the computed border"
+    figure = new_figure(
+        height=5.2,
+        caption=f"{says}: below it contact is unstable. The designed damping does not ring.",
+    )
+    axes = figure.subplots()
     axes.loglog(k, traces["designed"], label="designed: does not ring", **FSM)
     axes.loglog(k, traces["border"], label="border, computed", **FORCE)
-    axes.loglog(k, traces["delayed"], label="border of as long a pure delay (Hayes)", **PUBLISHED)
-    for grew, label, mark in ((0, "simulated: calm", "o"), (1, "simulated: grows", "x")):
+    axes.loglog(k, traces["delayed"], label="border of an equal pure delay (Hayes)", **PUBLISHED)
+    for grew, label, mark in ((0, "simulated: decays", "o"), (1, "simulated: grows", "x")):
         at = tried["stiffness"][tried["grew"] == grew], tried["damping"][tried["grew"] == grew]
         axes.plot(*at, mark, label=label, color="black", mfc="none", ms=5)
     x, y = "stiffness of springs and contact in series / (N/m)", "damping along the hole / (N s/m)"
-    dress(axes, title="The damping that a contact asks for", x=x, y=y)
-    legend(axes, loc="upper left")
+    dress(axes, title=says, x=x, y=y)
+    legend(axes, ncols=2)
     return {"contact-stability": figure}

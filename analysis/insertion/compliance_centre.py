@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.cell.wedging_diagram import InitialErrors
+from chamfer.analysis.drawing.figure_kit import metric_value
 from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Outcome, Progress, column
 from chamfer.models.arms.position_arm import Compliance, ComplianceParams
@@ -155,12 +156,21 @@ _TALL: Final = 4.0  # times the push with the compliance's own centre, beyond wh
 def figures(scenario: ResolvedCentreScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw push, margin and deflection over the place of the centre."""
     traces, limited = outcome.traces, scenario.compliance.most_lateral is not None
-    figure = new_figure(8.0, 9.0 if limited else 6.4)
-    title = r"(b) Margin to the wedge, of $\theta_w$; dashed: Whitney's"
+    push, margin, deflection = (
+        f"{value:.2g} {unit}" if np.isfinite(value) else "none"
+        for name, unit in (("own.push", "N"), ("own.margin", "%"), ("compliance.deflection", "%"))
+        for value in (metric_value(outcome.metrics, name),)
+    )
+    figure = new_figure(
+        height=9.0 if limited else 6.4,
+        caption=f"With its own centre of compliance the peg needs a push of {push} and keeps a "
+        f"margin of {margin} to wedging; both depend on the place of the centre. Dashed: Whitney.",
+    )
+    title = rf"(b) Margin to wedging: {margin} of $\theta_w$ at its own centre"
     panels = {
-        "push": ("(a) Largest push; dashed: Whitney's, in the bore", "push / N"),
+        "push": (f"(a) Largest push: {push} at its own centre", "push / N"),
         "margin": (title, "margin / %"),
-        "deflection": ("(c) Deflection of the RCC", "share of its limits / %"),
+        "deflection": (f"(c) Deflection of the RCC: {deflection} of its limits", "deflection / %"),
     }
     rows = figure.subplots(3 if limited else 2, 1, sharex=True)
     x = traces["centre_distance"] * _MM
@@ -176,7 +186,7 @@ def figures(scenario: ResolvedCentreScenario, outcome: Outcome) -> Mapping[str, 
         rows[2].axhline(100.0, **LIMIT)
         rows[2].set_ylim(bottom=0.0)
     rows[-1].set_xlabel("centre of compliance above the tip / mm", fontsize=9)
-    legend(rows[0], ncols=3, loc="upper left")
+    legend(rows[-1], ncols=3)
     own = outcome.metrics["own.push"].value
     if own:
         rows[0].set_ylim(0.0, _TALL * own)

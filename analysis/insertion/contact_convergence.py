@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import metrics_of, prefixed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
 from chamfer.analysis.insertion.insertion_runs import (
     insert,
     insert_by_cenic,
@@ -237,14 +237,23 @@ _STARTS: Final[tuple[tuple[str, Style], ...]] = (
     ("sliding", {"color": "#1b4f9c", "marker": "o", "linestyle": "-"}),
     ("stuck", {"color": "#e07b00", "marker": "s", "linestyle": "--"}),
 )
+_ACROSS: Final = 3  # panels
+_LETTERS: Final = 20  # of the names of a parameter's values, beyond which they are turned
 _RAW: Final[Style] = {"marker": "x", "linestyle": "none"}
 _MM: Final = 1e3
 
 
 def figures(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw forces above depths, one column a parameter."""
-    figure = new_figure(14.0, 6.0)
-    panels = figure.subplots(2, len(PARAMETERS), squeeze=False, sharey="row")
+    figure = new_figure(
+        height=10.0,
+        caption="Axial force and depth of an insertion over each parameter of the contact model "
+        "and the integrator: where a curve is flat the result has converged.",
+    )
+    grid = figure.subplots(2 * math.ceil(len(PARAMETERS) / _ACROSS), _ACROSS)
+    panels = np.array([grid[0::2].ravel(), grid[1::2].ravel()])
+    for one in panels[:, len(PARAMETERS) :].flat:
+        one.remove()
     traces = outcome.traces
     statics = outcome.metrics["sliding.predicted.force.axial"].value
     for k, parameter in enumerate(PARAMETERS):
@@ -261,9 +270,14 @@ def figures(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Fig
         if statics is not None:
             panels[0, k].axhline(statics, label="exact statics, sliding start", **PUBLISHED)
         for axes, y in zip(panels[:, k], ("axial force / N", "depth / mm"), strict=True):
-            dress(axes, title="", x=_TITLES[parameter], y="" if k else y)
-            axes.set_xticks(range(len(names)), names, fontsize=7)
+            dress(axes, title="", x=_TITLES[parameter], y="" if k % _ACROSS else y)
+            turned = {"rotation": 30, "ha": "right"} if len("".join(names)) > _LETTERS else {}
+            axes.set_xticks(range(len(names)), names, fontsize=8, **turned)
         panels[0, k].set_yscale("log")
-    legend(panels[0, 0])
+        for axes, first in zip(panels[:, k], panels[:, 0], strict=True):
+            if k:
+                axes.sharey(first)
+    look: Style = {"loc": "outside lower center", "ncols": 3, "fontsize": 8, "edgecolor": "none"}
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), **look)
     impacts = draw_impacts(outcome.tables["impact"])
     return {"contact-convergence": figure, "impact": impacts}

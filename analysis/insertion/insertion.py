@@ -17,16 +17,21 @@ from chamfer.analysis.drawing.chart_path import plot_chart_path
 from chamfer.analysis.drawing.figure_kit import (
     Curve,
     ReferenceLine,
+    colour_bar,
     colour_legend,
     draw_lines,
     draw_strip,
+    metric_value,
     shade,
     state_visits,
 )
 from chamfer.analysis.drawing.figure_style import (
+    ABOVE,
+    AXIS_LOOKS,
     FORCE,
     LIMIT,
     POSITION,
+    REGION,
     Style,
     dress,
     legend,
@@ -47,7 +52,7 @@ from chamfer.analysis.insertion.cell_runs import (
     run_cell_insertion,
     touch_row,
 )
-from chamfer.analysis.insertion.jamming_diagram import draw_parallelogram
+from chamfer.analysis.insertion.jamming_diagram import DEPTH_COLOURS, draw_parallelogram
 from chamfer.analysis.insertion.peg_insertion import STATES
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.cell.alignment_scenario import require_fine_enough
@@ -145,7 +150,11 @@ def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[st
     (chart,) = insertion_charts(scenario)
     result = outcome.metrics["said_seated"].note
     time = outcome.traces["time"]
-    loads = new_figure(12.5, 6.0)
+    loads = new_figure(
+        height=5.6,
+        caption="Path of the peg's tip and tilt into the wedge-free region (a), and the loads on "
+        "the peg in the bore (b): at a depth ratio \u03bb it slides inside that colour's line.",
+    )
     wedging, jamming = loads.subplots(1, 2)
     _wedging(wedging, scenario, outcome)
     _jamming(jamming, scenario, outcome)
@@ -173,15 +182,13 @@ Array = NDArray[np.float64]
 _MEASURED: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.2}
 _SURE: Final[Style] = {"color": "#1b4f9c", "alpha": 0.18, "linewidth": 0}
 _COMMAND: Final[Style] = {"color": "#555555", "linestyle": "-", "linewidth": 1.0}
-_REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
 _SIDE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.2}
 _PLANES: Final[dict[str, tuple[str, Style]]] = {
-    "xy": ("plane XY", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.5}),
-    "xz": ("plane XZ", {"color": "#1b7f5c", "linestyle": "--", "linewidth": 1.5}),
+    "xy": ("plane XY", AXIS_LOOKS["y"]),
+    "xz": ("plane XZ", AXIS_LOOKS["z"]),
 }
 _MARKERS: Final = {"xy": "o", "xz": "^"}
-_RATIOS: Final = ((0.5, "#b00020"), (1.0, "#8f5bb5"), (2.0, "#1b4f9c"), (4.0, "#777777"))
-_ROOM: Final = 0.3  # of an axis, for the legend above the curves
+_RATIOS: Final = (0.5, 1.0, 2.0, 4.0)
 _MM: Final = 1e3
 _MRAD: Final = 1e3
 _FEW: Final = 150  # loads of a plane that are drawn
@@ -191,9 +198,14 @@ def plot_course(
     scenario: ResolvedInsertionScenario, outcome: Outcome, states: Sequence[str]
 ) -> Figure:
     """Draw errors, depth and forces over time, with the task's and the contact's states."""
-    figure = new_figure(11.0, 12.0)
-    strip, *panels = figure.subplots(6, 1, sharex=True, height_ratios=(0.7, 1, 1, 1, 1, 0.8))
-    traces = outcome.traces
+    metrics, traces = outcome.metrics, outcome.traces
+    figure = new_figure(
+        height=11.5,
+        caption=f"Result: {metrics['said_seated'].note}. Errors, depth and forces over time, with "
+        "the states of the skill on top and the contact state as background.",
+    )
+    heights = (0.9, 1, 1, 1, 0.8, 1, 0.8)
+    strip, *panels = figure.subplots(7, 1, sharex=True, height_ratios=heights)
     time, params = traces["time"], task_params(scenario)
     looks = np.isin(traces["task_state"], [states.index(name) for name in ("align", "decide")])
     names = [name.replace("_", " ") for name in states]
@@ -208,40 +220,44 @@ def plot_course(
             known = looks & (traces["measured_lateral"] > 0)
             measured = np.where(known, traces[f"measured_{name}"], np.nan)
             unsure = traces[f"measured_{name}_uncertainty"]
-            axes.semilogy(time, scale * measured, label="measured, until it decides", **_MEASURED)
+            axes.semilogy(time, scale * measured, label="measured", **_MEASURED)
             low = np.maximum(measured - unsure, 1e-6)
             axes.fill_between(time, scale * low, scale * (measured + unsure), **_SURE)
-        axes.axhline(scale * limit, label="limit alone", **LIMIT)
-        axes.set_ylim(scale * limit / 300, 8 * max(float(error.max()), scale * limit))
+        axes.axhline(scale * limit, label="limit", **LIMIT)
+        axes.set_ylim(scale * limit / 300, 2 * max(float(error.max()), scale * limit))
+        at = metric_value(metrics, f"touch.{name}_error", scale)
+        title = f"{name.capitalize()} error" + (f", {at:.2g} {unit} at touch" if at >= 0 else "")
         letter = {"lateral": "a", "rotational": "b"}[name]
-        dress(axes, title=f"({letter}) {name.capitalize()} error", x="", y=f"error / {unit}")
-    depth, force, across = panels[2:]
+        dress(axes, title=f"({letter}) {title}", x="", y=f"error / {unit}")
+    depth, off, force, across = panels[2:]
+    lines = [Curve(_MM * traces["depth"], "true", POSITION)]
+    target = ReferenceLine(_MM * params.target, "target", LIMIT)
+    title = f"(c) Depth in the hole, {_MM * traces['depth'][-1]:.3g} mm at the end"
+    draw_lines(depth, time, lines, title=title, y="depth / mm", over="", levels=[target])
+    sensed = np.r_[np.nan, traces["sensed_depth"][1:]]  # it has not been sampled before
     lines = [
-        Curve(_MM * traces["depth"], "true", POSITION),
-        Curve(_MM * traces["sensed_depth"], "by encoders", _MEASURED),
-        Curve(_MM * (traces["feed"] - scenario.gap), "commanded", _COMMAND),
+        Curve(_MM * (sensed - traces["depth"]), "encoders", _MEASURED),
+        Curve(_MM * (traces["feed"] - scenario.gap - traces["depth"]), "command", _COMMAND),
     ]
-    wanted = ReferenceLine(_MM * params.target, "wanted", LIMIT)
-    title = "(c) Depth of the tip below the mouth"
-    draw_lines(depth, time, lines, title=title, y="depth / mm", over="", levels=[wanted])
+    draw_lines(off, time, lines, title="(d) Minus the true depth", y="depth / mm", over="")
     axial, lateral = (
-        Curve(values, "of the contact, median of 10 ms", FORCE)
+        Curve(values, "contact, median of 10 ms", FORCE)
         for values in force_medians(traces, scenario.step)
     )
-    sensed = "by the arm's springs" if scenario.servo is None else "by the wrist sensor"
-    lines = [axial, Curve(traces["sensed_x"], sensed, _MEASURED)]
-    title = "(d) Force against the insertion"
-    draw_lines(force, time, lines, title=title, y="force / N", over="")
-    draw_lines(across, time, [lateral], title="(e) Force across", y="force / N")
-    for axes in (depth, force, across):
-        low, high = axes.get_ylim()
-        axes.set_ylim(low, high + _ROOM * (high - low))
+    sensor = "arm stiffness" if scenario.servo is None else "wrist sensor"
+    lines = [axial, Curve(traces["sensed_x"], sensor, _MEASURED)]
+    for axes, of, letter in ((force, lines, "e"), (across, [lateral], "f")):
+        kind = "axial" if letter == "e" else "lateral"
+        most = metric_value(metrics, f"force.{kind}")
+        title = f"({letter}) {kind.capitalize()} force, contact up to {most:.2g} N"
+        draw_lines(axes, time, of, title=title, y="force / N", over="")
+    across.set_xlabel("time / s", fontsize=9)
     seen = {state: found for state, found in STATES.items() if state in traces["contact_state"]}
     for axes in panels:
         for state, (_, colour) in seen.items():
             look: Style = {"color": colour, "alpha": 0.6, "linewidth": 0, "zorder": 0}
             shade(axes, time, traces["contact_state"] == state, "", look)
-        legend(axes, loc="upper left", ncols=4)
+        legend(axes, ncols=4, **ABOVE)
     across.set_xlim(0.0, float(time[-1]))
     if seen:
         colour_legend(figure, {f"contact: {name}": colour for name, colour in seen.values()})
@@ -258,10 +274,10 @@ def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
         _MRAD * lower,
         _MRAD * upper,
         label="free of wedging",
-        **_REGION,
+        **REGION,
     )
     draw_sides(axes, x, sides, "exact sides", _SIDE)
-    draw_reach(axes, parts, "the chamfers' reach")
+    draw_reach(axes, parts, "reach of the chamfers")
     touched = np.flatnonzero(
         (traces["contact_state"] != ContactState.NONE) | (traces["depth"] >= 0)
     )
@@ -273,37 +289,39 @@ def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
             look |= {"markerfacecolor": style["color"], "markeredgecolor": "black"}
             there = _MM * lateral[row], _MRAD * tilt[row]
             axes.plot(*there, label=f"first touch, {name}", **look)
-    title, y = "(a) Path in the wedging diagram", "tilt / mrad, equal signs add"
-    dress(axes, title=title, x="lateral error of the tip / mm", y=y)
-    legend(axes, loc="lower left", ncols=2)
-    tallest = 1.6 * max(float(upper.max()), float(traces["rotational_error"].max()))
+    margin = metric_value(outcome.metrics, "touch.margin")
+    title = f"(a) First touch: {margin:.0f} % margin to wedging"
+    title = title if np.isfinite(margin) else "(a) Path in the wedging diagram"
+    x, y = "lateral error of the tip / mm", "tilt (equal signs add) / mrad"
+    dress(axes, title=title, x=x, y=y)
+    legend(axes, ncols=2)
+    tallest = 1.1 * max(float(upper.max()), float(traces["rotational_error"].max()))
     axes.set_ylim(-_MRAD * tallest, _MRAD * tallest)
 
 
 def _jamming(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) -> None:
     parts = scenario.parts
-    for ratio, colour in _RATIOS:
-        draw_parallelogram(axes, parts, ratio, colour)
+    for ratio in _RATIOS:
+        draw_parallelogram(axes, parts, ratio)
     for plane, loads in loads_in_planes(outcome.traces, parts, scenario.step).items():
         count = len(loads.depth)
         if not count:
             continue
         few = slice(None, None, max(1, count // _FEW))
-        colours: Style = {"cmap": "viridis", "vmin": 0.0, "vmax": max(_RATIOS)[0]}
-        points = axes.scatter(
+        axes.scatter(
             loads.force_ratio[few],
             loads.moment_ratio[few],
             c=loads.depth[few] / parts.wedging_depth,
             marker=_MARKERS[plane],
             s=14,
-            label=f"loads of the run, {_PLANES[plane][0]}",
-            **colours,
+            label=f"loads, {_PLANES[plane][0]}",
+            norm=DEPTH_COLOURS.norm,
+            cmap=DEPTH_COLOURS.cmap,
         )
-        if plane == "xy":
-            axes.figure.colorbar(points, ax=axes, label=r"$\lambda = l / (2 r \mu)$ of the load")
-    reach = 2 * max(_RATIOS)[0] + 2
+    colour_bar(axes, DEPTH_COLOURS, r"$\lambda = l / (2 r \mu)$", ticks=_RATIOS, format="%g")
+    reach = 2 * max(_RATIOS) + 2
     axes.set_xlim(-1.6 / parts.friction, 1.6 / parts.friction)
     axes.set_ylim(-reach, reach)
-    title = "(b) Loads of the peg in the bore, in the jamming diagram"
+    title = "(b) Loads in the jamming diagram"
     dress(axes, title=title, x="$F_x / F_z$", y="$M / (r F_z)$")
-    legend(axes, loc="upper right")
+    legend(axes, ncols=2)

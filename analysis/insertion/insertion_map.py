@@ -489,18 +489,24 @@ _MM, _MRAD = 1e3, 1e3
 def figures(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw the map of each plane, the force by theory and simulation, and probabilities."""
     planes, drawn = scenario.planes, outcome.tables.get("probability")
-    columns = max(len(planes), 2)
-    figure = new_figure(6.4 * columns, 11.0)
-    above, lower = figure.subfigures(2, 1, height_ratios=[1.35, 1.0], squeeze=False)[:, 0]
+    safe = outcome.traces["predicted_verdict"] == FeedVerdict.SAFE
+    failed = int(np.sum(safe & (outcome.traces["outcome"] != FeedOutcome.SEATED)))
+    rows = [1.25, 1.0] + ([] if drawn is None else [1.0])
+    figure = new_figure(
+        height=4.2 * sum(rows),
+        caption=f"Of {int(safe.sum())} cells that theory calls safe {failed} failed. "
+        "Simulated outcome over the errors at touch (top), and what theory said of it.",
+    )
+    above, lower, *last = figure.subfigures(len(rows), 1, height_ratios=rows)
     maps = above.subplots(1, len(planes), squeeze=False)[0]
     for axes, plane in zip(maps, planes, strict=True):
         _draw_map(axes, plane, outcome)
-    above.legend(handles=_handles(), loc="outside lower center", ncols=5, fontsize=8)
-    below = lower.subplots(1, 2 if drawn is None else 3)
+    above.legend(handles=_handles(), loc="outside lower center", ncols=3, fontsize=8)
+    below = lower.subplots(1, 2)
     _draw_table(below[0], outcome.traces)
     _draw_force(below[1], outcome.traces)
     if drawn is not None:
-        _draw_probability(below[2], drawn)
+        _draw_probability(last[0].subplots(), drawn)
     return {"insertion-map": figure}
 
 
@@ -531,8 +537,9 @@ def _draw_map(axes: Axes, plane: Plane, outcome: Outcome) -> None:
     axes.scatter(lateral[off], tilt[off], s=5 * size, zorder=4, linewidths=1.8, **_WRONG)
     safe = cells["predicted_verdict"] == FeedVerdict.SAFE
     failed = int(np.sum(safe & (cells["outcome"] != FeedOutcome.SEATED)))
-    title = f"Errors in the hole's plane {plane.upper()}: of {int(safe.sum())} cells "
-    title += f"that theory calls safe {failed} failed"
+    title = (
+        f"Plane {plane.upper()}: {failed} of {int(safe.sum())} cells failed that theory calls safe"
+    )
     x, y = "lateral error at touch / mm", "tilt at touch (equal signs add) / mrad"
     dress(axes, title=title, x=x, y=y)
 
@@ -559,7 +566,7 @@ def _draw_table(axes: Axes, traces: Table) -> None:
     counts = np.array(
         [[np.sum((verdict == said) & (became == one)) for one in _OUTCOMES] for said in _REGION]
     )
-    dress(axes, title="Cells: what theory says of them, and what happens", x="", y="")
+    dress(axes, title="Cells by theory's verdict and outcome", x="", y="")
     happened = [style["label"].replace(" ", "\n", 1) for style in _OUTCOMES.values()]
     draw_counts(axes, counts, ["theory:\ngoes in", "theory:\nmay", "theory:\nstopped"], happened)
 
@@ -576,9 +583,9 @@ def _draw_force(axes: Axes, traces: Table) -> None:
         colour = "#14733a" if said == FeedVerdict.SAFE else "#c79a00"
         axes.plot(*force, "o", markersize=3.5, color=colour, alpha=0.8, label=f"theory: {label}")
     axes.plot([0, largest], [0, largest], color="#555555", linewidth=1.0, label="equal")
-    x, y = "by exact statics, without friction in the joints / N", "simulated, 10 ms median / N"
+    x, y = "exact statics without joint friction / N", "simulated, 10 ms median / N"
     dress(axes, title="Largest push of the seated cells", x=x, y=y)
-    legend(axes, loc="best")
+    legend(axes, ncols=3)
 
 
 def _draw_probability(axes: Axes, table: Table) -> None:
@@ -594,7 +601,7 @@ def _draw_probability(axes: Axes, table: Table) -> None:
     names = ("lateral", "tilt", "rate", "low", "high")
     for x, y, rate_, low, high in zip(*(table[name] for name in names), strict=True):
         text = f"{rate_:.0f}" if small else f"{rate_:.0f} %\n{low:.0f} to {high:.0f}"
-        axes.text(_MM * x, _MRAD * y, text, ha="center", va="center", fontsize=7)
+        axes.text(_MM * x, _MRAD * y, text, ha="center", va="center", fontsize=8)
     draws = int(table["draws"].max())
     interval = "" if small else ", with 95 % interval"
     title = f"Seated of {draws} draws of model errors, %{interval}"

@@ -35,7 +35,7 @@ from chamfer.analysis.drawing.figure_kit import (
     draw_lines,
     trial_curves,
 )
-from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import LIMIT, REGION, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.cell_runs import (
     INSERTION,
     CellInsertion,
@@ -278,13 +278,16 @@ Array = NDArray[np.float64]
 _COLOURS: Final = {AS_IT_IS: "#e07b00", "wait": "#1b4f9c", "frozen": "#b00020"}
 _OTHER: Final = "#777777"
 _MARKERS: Final = {AS_IT_IS: "o", "wait": "s", "frozen": "D"}
-_REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
 _MM: Final = 1e3
 
 
 def figures(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw every trial in every way."""
-    figure = new_figure(12.0, 8.4)
+    figure = new_figure(
+        height=9.0,
+        caption="Insertion trials with each variant of the skill: depth over time, how soon they "
+        "seat, the contact force, and the errors at touch beside the wedge-free region.",
+    )
     courses, times, forces, touches = figure.subplots(2, 2).ravel()
     ways = [way for way in (AS_IT_IS, *scenario.beside) if way != "settling"]
     table, traces = outcome.tables["courses"], outcome.traces
@@ -313,25 +316,25 @@ def figures(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Mapp
                 label=named if filled else (f"{named}: not seated" if of.any() else None),
             )
     since, title = "time since the first frame / s", "(a) Depth of the tip"
-    counts = [ReferenceLine(_MM * SEATED * params.target, "counts as seated", LIMIT)]
+    counts = [ReferenceLine(_MM * SEATED * params.target, "seated from here", LIMIT)]
     draw_lines(courses, (), depths, title=title, y="depth / mm", over=since, levels=counts)
     forces.axvline(_HARD, label=f"{_HARD:g} N", **LIMIT)
     for axes, title, x in (
-        (times, "(b) How soon: share seated", since),
-        (forces, "(c) How hard: share of trials below", "largest contact force, 10 ms / N"),
+        (times, "(b) Share of trials seated", since),
+        (forces, "(c) Share of trials below a force", "largest contact force, 10 ms / N"),
     ):
         dress(axes, title=title, x=x, y="share of the trials / %")
         axes.set_ylim(0.0, 103.0)
     region = params.region
     lateral = np.linspace(0.0, region.lateral_limit, 100)
     tilt = np.array([region.tilt_at(one) for one in lateral])
-    touches.fill_between(_MM * lateral, 0.0, _MM * tilt, label="free of wedging", **_REGION)
-    title, y = "(d) Errors where the last attempt touches", "rotational error / mrad"
+    touches.fill_between(_MM * lateral, 0.0, _MM * tilt, label="free of wedging", **REGION)
+    title, y = "(d) Errors at touch, last attempt", "rotational error / mrad"
     dress(touches, title=title, x="lateral error / mm", y=y)
     touches.set_xlim(0.0, None)
     touches.set_ylim(0.0, None)
     for axes in (courses, times, forces, touches):
-        legend(axes, loc="best")
+        legend(axes)
     return {"insertion-repeatability": figure}
 
 

@@ -7,12 +7,15 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import courses
+from chamfer.analysis.drawing.figure_kit import metric_value
 from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import (
     WINDOW,
@@ -171,29 +174,36 @@ def _mean(values: NDArray[Any], note: str) -> Metric:
     return Metric(value=(100 if share else 1) * float(np.mean(values)), unit=unit, note=note)
 
 
-_COLOURS: Final = ("#b00020", "#e07b00", "#1b7f5c", "#1b4f9c", "#8f5bb5")
+DEPTH_COLOURS: Final = ScalarMappable(LogNorm(0.4, 5.0), "viridis")  # of depth ratios lambda
 _NEAR: Final = 0.04  # of a depth ratio, loads that are drawn into its parallelogram
 _MOVES: Final[Style] = {"marker": "o", "linestyle": "none", "markersize": 3}
 _STOPPED: Final[Style] = {"marker": "x", "linestyle": "none", "markersize": 5}
 _FEW: Final = 60  # loads of a kind that are drawn
 
 
-def draw_parallelogram(axes: Axes, parts: PegHoleGeometry, ratio: float, colour: str) -> None:
+def draw_parallelogram(axes: Axes, parts: PegHoleGeometry, ratio: float) -> None:
     """Draw the loads that slide at a depth ratio lambda."""
     corners = jamming_vertices(parts, ratio * parts.wedging_depth)
     closed = np.vstack([corners, corners[:1]])
-    axes.plot(*closed.T, color=colour, label=rf"slides at $\lambda$ = {ratio:g}")
+    axes.plot(
+        *closed.T, color=DEPTH_COLOURS.to_rgba(ratio), label=rf"slides at $\lambda$ = {ratio:g}"
+    )
 
 
 def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw the loads at several depths, and the level of all loads over the depth."""
-    figure, parts = new_figure(12.0, 5.6), scenario.insertion.parts
-    diagram, levels = figure.subplots(1, 2)
-    traces = outcome.traces
+    traces, parts = outcome.traces, scenario.insertion.parts
     moving = traces["moving"] > 0
-    for k, ratio in enumerate(scenario.depth_ratios):
-        colour = _COLOURS[k % len(_COLOURS)]
-        draw_parallelogram(diagram, parts, ratio, colour)
+    agree = metric_value(outcome.metrics, "agreement")
+    figure = new_figure(
+        height=4.8,
+        caption=f"Theory and simulation agree for {agree:.3g} % of the loads away from the sides "
+        "whether the peg slides or jams; inside the line of its depth ratio \u03bb a load slides.",
+    )
+    diagram, levels = figure.subplots(1, 2)
+    for ratio in scenario.depth_ratios:
+        colour = DEPTH_COLOURS.to_rgba(ratio)
+        draw_parallelogram(diagram, parts, ratio)
         near = np.abs(traces["depth_ratio"] / ratio - 1) < _NEAR
         for of, style in ((near & moving, _MOVES), (near & ~moving, _STOPPED)):
             rows = np.flatnonzero(of)
@@ -201,9 +211,9 @@ def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]
             diagram.plot(
                 traces["force_ratio"][rows], traces["moment_ratio"][rows], color=colour, **style
             )
-    title = "(a) Loads of simulated pegs: dots move, crosses are stopped"
+    title = "(a) Simulated loads: dots move, crosses are stopped"
     dress(diagram, title=title, x="$F_x / F_z$", y="$M / (r F_z)$")
-    legend(diagram, loc="upper right")
+    legend(diagram, ncols=2)
     for of, style, label, colour in (
         (moving, _MOVES, "moves", "#1b4f9c"),
         (~moving, _STOPPED, "stopped by the cap", "#b00020"),
@@ -211,8 +221,8 @@ def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]
         of_kind = traces["depth_ratio"][of], traces["level"][of]
         levels.plot(*of_kind, color=colour, label=label, **style)
     levels.axhline(1.0, label="sides of the parallelogram", **LIMIT)
-    title = "(b) Level of every load: below 1 it slides, above it jams"
+    title = "(b) Level of each load: theory lets it slide below 1"
     dress(levels, title=title, x=r"$\lambda = l / (2 r \mu)$", y="level")
     levels.set_ylim(0.0, None)
-    legend(levels)
+    legend(levels, ncols=2)
     return {"jamming-diagram": figure}

@@ -87,7 +87,11 @@ def impact_metrics(table: Table) -> dict[str, Metric]:
 
 def draw_impacts(table: Table) -> Figure:
     """Draw friction and rebound of every impact."""
-    figure = new_figure(11.0, 4.5)
+    figure = new_figure(
+        height=4.2,
+        caption="Friction and rebound of a body in oblique impact, by each way to integrate the "
+        "contact, beside theory, over step and dissipation.",
+    )
     count = len(_VARIED)
     pairs = zip(table["step"][:count], table["dissipation"][:count], strict=True)
     names = [f"{step:g}\n{d:g}" for step, d in pairs]
@@ -100,6 +104,7 @@ def draw_impacts(table: Table) -> Figure:
         axes.plot(names, said, label="theory", **PUBLISHED)
         for name, look, y in zip(_KINDS, _LOOKS, values, strict=True):
             axes.plot(names, y, look[0], color=look[1], label=name)
-        dress(axes, title="", x="step / s, dissipation / (s/m)", y=of)
-        legend(axes)
+        title = "(a) Friction" if of.startswith("friction") else "(b) Rebound"
+        dress(axes, title=title, x="step / s, dissipation / (s/m)", y=of)
+        legend(axes, ncols=2)
     return figure

@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 
 from chamfer.analysis.cell.wedging_diagram import draw_reach, draw_sides
-from chamfer.analysis.drawing.figure_kit import shade
-from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, Style, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_kit import metric_value, shade
+from chamfer.analysis.drawing.figure_style import (
+    FORCE,
+    LIMIT,
+    REGION,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.insertion.insertion_runs import Insertion, insert, measure, median, path
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Progress, Table, column
@@ -65,27 +73,37 @@ STATES: Final[dict[ContactState, tuple[str, str]]] = {
 }
 _EXACT: Final[Style] = {"color": "#b00020", "linestyle": "--", "linewidth": 1.4}
 _SIMPLE: Final[Style] = {"color": "#777777", "linestyle": ":", "linewidth": 1.4}
-_REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
 _PATH: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.4}
 _START: Final[Style] = {"color": "#e07b00", "marker": "o", "linestyle": "none", "markersize": 6}
 _MM: Final = 1e3
 _MRAD: Final = 1e3
-_TALL: Final = 2.5  # times the largest simulated force, beyond which predictions are cut
+_TALL: Final = 1.6  # times the largest simulated force, beyond which predictions are cut
 
 
 def figures(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw axial and lateral force, and tip and tilt in the wedging diagram."""
-    figure = new_figure(12.0, 6.6)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
-    above = figure.add_subplot(grid[0, 0])
-    below = figure.add_subplot(grid[1, 0], sharex=above)
     traces, predicted = outcome.traces, outcome.tables["predicted"]
+    forces, titles = {}, {}
+    for k, kind in enumerate(("axial", "lateral")):
+        found, said = (
+            metric_value(outcome.metrics, f"{of}force.{kind}") for of in ("", "predicted.")
+        )
+        forces[kind] = f"{kind} force up to {found:.2g} N, {said:.2g} N by exact statics"
+        titles[kind] = f"({'ab'[k]}) {forces[kind].capitalize().replace(' n', ' N')}"
+    ends = "seated" if outcome.metrics["seated"].value else "not seated"
+    figure = new_figure(
+        height=10.0,
+        caption=f"The peg ends {ends}: {forces['axial']}. Colours in the background are the "
+        "contact states; (c) is its way into the wedge-free region.",
+    )
+    above, below, path = figure.subplots(3, 1, height_ratios=(1.0, 1.0, 1.5))
+    below.sharex(above)
     fed = traces["time"] <= scenario.released
     l_of = (traces["depth"][fed] - scenario.parts.chamfer_height) * _MM
     force = traces["force_x_median"][fed]
     for axes, measured, of, title in (
-        (above, force, predicted["axial"], "(a) Force against the insertion"),
-        (below, traces["force_y_median"][fed], predicted["lateral"], "(b) Force across"),
+        (above, force, predicted["axial"], titles["axial"]),
+        (below, traces["force_y_median"][fed], predicted["lateral"], titles["lateral"]),
     ):
         for one, (label, colour) in STATES.items():
             look: Style = {"color": colour, "alpha": 0.6, "linewidth": 0, "zorder": 0.5}
@@ -98,8 +116,9 @@ def figures(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Fi
     if scenario.force_cap < tallest:
         above.axhline(scenario.force_cap, label="cap of the push", **LIMIT)
     above.set_ylim(0.0, tallest)
-    legend(above, ncols=3, loc="upper right")
-    _diagram(figure.add_subplot(grid[:, 1]), scenario, outcome, fed)
+    above.set_xlabel("")
+    legend(below, handles=above.get_legend_handles_labels()[0], ncols=4)
+    _diagram(path, scenario, outcome, fed)
     return {"peg-insertion": figure}
 
 
@@ -114,7 +133,7 @@ def _diagram(
     wedge, slide = wedging_bounds(parts, support, x), sliding_bounds(parts, support, x)
     lower, upper = np.maximum(wedge[0], slide[0]), np.minimum(wedge[1], slide[1])
     free = "neither wedges nor jams"
-    axes.fill_between(x * _MM, lower * _MRAD, upper * _MRAD, where=reached, label=free, **_REGION)
+    axes.fill_between(x * _MM, lower * _MRAD, upper * _MRAD, where=reached, label=free, **REGION)
     simple = wedging_bounds(parts, support, x, "simple")
     draw_sides(axes, x, wedge, "may wedge beyond", FORCE)
     draw_sides(axes, x, slide, "no push slides", _EXACT)
@@ -126,7 +145,7 @@ def _diagram(
     axes.set_ylim(-tallest, tallest)
     title, off = "(c) Path in the wedging diagram", "lateral error of the tip / mm"
     dress(axes, title=title, x=off, y="tilt / mrad")
-    legend(axes, loc="lower center", ncols=3)
+    legend(axes, ncols=3)
 
 
 _EYE: Final = np.array([0.0, -0.12, 0.07])  # m; assumed

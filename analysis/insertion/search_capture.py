@@ -136,8 +136,16 @@ _MM: Final = 1e3
 
 def figures(scenario: SearchCaptureScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw how often holes are found, over the error."""
-    figure = new_figure(6.5, 5.2)
-    axes, spiral = figure.subplots(), scenario.coverage(resolve(scenario.cell))
+    spiral, found = scenario.coverage(resolve(scenario.cell)), outcome.traces["found"]
+    rates = dict.fromkeys(f"{one:.0f}" for one in (found.min(), found.max()))
+    says = f"A spiral of {_MM * spiral.radius:.3g} mm finds {' to '.join(rates)} % of the holes"
+    figure = new_figure(
+        6.5,
+        5.2,
+        caption=f"{says}, over the largest hole error: by theory, by the geometry of the track "
+        f"and in {scenario.trials} simulated searches at each error.",
+    )
+    axes = figure.subplots()
     traces, sizes = (
         outcome.traces,
         np.linspace(0.8 * min(scenario.errors), 1.1 * max(scenario.errors), 61),
@@ -155,9 +163,9 @@ def figures(scenario: SearchCaptureScenario, outcome: Outcome) -> Mapping[str, F
     points: Style = {"fmt": "o", "color": "#b00020", "capsize": 4}
     label = f"simulated, {scenario.trials} each, 95 % interval"
     axes.errorbar(_MM * traces["error"], traces["found"], yerr=ends, label=label, **points)
-    title = f"Holes that a spiral of {_MM * spiral.radius:.3g} mm finds"
-    dress(axes, title=title, x="hole off by at most / mm, evenly over a disc", y="found / %")
-    axes.set_ylim(0.0, 135.0)
+    x = "largest hole error (uniform over a disc) / mm"
+    dress(axes, title=says, x=x, y="found / %")
+    axes.set_ylim(0.0, 105.0)
     axes.set_yticks(np.linspace(0.0, 100.0, 6))
-    legend(axes, loc="upper right")
+    legend(axes, ncols=2)
     return {"search-capture": figure}

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from chamfer.analysis.drawing.figure_kit import BESIDE, VISITS, shade, state_visits, time_axes
-from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_kit import VISITS, shade, state_visits, time_axes
+from chamfer.analysis.drawing.figure_style import BESIDE, Style, dress, legend, new_figure
 from chamfer.analysis.replay.replay import Output, Replay
 
 _COLOURS: Final = ("#1b4f9c", "#e07b00", "#2e7d32", "#7a0060", "#00838f", "#6d4c41")

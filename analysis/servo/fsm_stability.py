@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.campaign.trial_metrics import metrics_of, prefixed
-from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines
+from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines, metric_value
 from chamfer.analysis.drawing.figure_style import FSM, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.analysis.scenario.experiment import (
@@ -521,7 +521,13 @@ def plot_map(scenario: StepScenario, outcome: Outcome) -> Figure:
     cells = outcome.traces
     x, y = np.unique(cells["dead_zone"]), np.unique(cells["increment"])
     shape = (len(x), len(y))
-    figure = new_figure(9.0, 6.0)
+    resolution = 1e3 * scenario.camera.resolution
+    figure = new_figure(
+        height=6.4,
+        caption="Simulated FSM loop, worst trial of each cell, against the settling theorem: the "
+        "increments inside its bound (hatched) are the ones that it guarantees. "
+        f"The steps are the camera's resolution, {resolution:g} mm.",
+    )
     axes = figure.subplots()
     axes.pcolormesh(
         1e3 * x,
@@ -551,11 +557,13 @@ def plot_map(scenario: StepScenario, outcome: Outcome) -> Figure:
     handles.append(
         Line2D([], [], ls="", marker="o", ms=9, mfc="white", mec="black", label="scenario")
     )
-    resolution = 1e3 * scenario.camera.resolution
-    title = (
-        "Simulation against the settling theorem, worst trial of each cell\n"
-        f"(the steps are the camera's resolution, {resolution:g} mm)"
+    count, cycling = (
+        int(np.sum(guaranteed > 0)),
+        int(np.sum(cells["verdict"][cells["guaranteed"] > 0] > 1)),
     )
+    title = f"All {count} cells inside the theorem's bound settle"
+    if cycling:
+        title = f"{cycling} of {count} cells inside the theorem's bound do not settle"
     dress(axes, title=title, x="dead zone / mm", y="large increment n / mm per tick")
     ticks = [2, 5, 10, 20, 50]
     axes.set_yticks(ticks, [str(tick) for tick in ticks])
@@ -567,10 +575,16 @@ def plot_map(scenario: StepScenario, outcome: Outcome) -> Figure:
 def plot_limit_cycles(outcome: Outcome) -> Figure:
     """Draw frequency and amplitude of the limit cycles, predicted and simulated."""
     cycles = outcome.tables["limit_cycles"]
-    figure = new_figure(10.0, 4.2)
+    figure = new_figure(
+        height=4.0,
+        caption="Limit cycles beyond the theorem's bound: frequency and amplitude by the "
+        "describing function and in simulation, over the increment.",
+    )
+    off = metric_value(outcome.metrics, "describing_function.frequency_error")
+    within = f": prediction within {off:.2g} %" if np.isfinite(off) else " of the limit cycle"
     left, right = figure.subplots(1, 2)
     for axes, name, scale, title, unit in (
-        (left, "frequency", 1.0, "(a) Frequency of the limit cycle", "frequency / (rad/s)"),
+        (left, "frequency", 1.0, f"(a) Frequency{within}", "frequency / (rad/s)"),
         (right, "amplitude", 1e3, "(b) Amplitude of the limit cycle", "amplitude / mm"),
     ):
         draw_lines(
@@ -586,8 +600,7 @@ def plot_limit_cycles(outcome: Outcome) -> Figure:
             levels=[ReferenceLine(1.0, "bound of the settling theorem", PUBLISHED, upright=True)],
         )
         axes.set_xscale("log")
-        axes.margins(y=0.15)
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0.0, 1.15 * axes.dataLim.y1)
         axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
-    legend(left, loc="lower left")
+    legend(left)
     return figure

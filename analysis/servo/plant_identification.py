@@ -131,7 +131,12 @@ def _identify(scenario: IdentificationScenario, stiffness: float) -> Row:
 
 def figures(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
-    table, figure = outcome.traces, new_figure(10.0, 3.6)
+    table = outcome.traces
+    figure = new_figure(
+        height=3.2,
+        caption="Mass and damping of the plant that follow from the published rise time and "
+        "overshoot, over its stiffness, which the paper gives.",
+    )
     paper = ReferenceLine(_PAPERS_STIFFNESS, "the paper's stiffness", PUBLISHED, upright=True)
     for axes, (name, title, y) in zip(figure.subplots(1, 3), _SHOWN, strict=True):
         draw_lines(
@@ -142,6 +147,7 @@ def figures(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, 
             y=y,
             over="stiffness / (N/m)",
             levels=[paper],
-            key="upper left" if name == "mass" else None,
+            key="below" if name == "damping" else None,
+            columns=2,
         )
     return {"plant-identification": figure}

@@ -32,7 +32,7 @@ from chamfer.analysis.drawing.figure_kit import (
     name_rows,
     trial_curves,
 )
-from chamfer.analysis.drawing.figure_style import LOOPS, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import LOOPS, dress, new_figure
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column, measured
@@ -446,27 +446,39 @@ def make_loops(scenario: ResolvedServoComparisonScenario) -> tuple[Diagram, ...]
 
 def figures(scenario: ResolvedServoComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
-    figure = new_figure(11.0, 10.0)
+    better = [metric_value(outcome.metrics, f"{one}.better") for one in CONTROLLERS]
+    figure = new_figure(
+        height=9.5,
+        caption=f"Of {len(CRITERIA) * len(CONDITIONS)} comparisons the FSM is better in "
+        f"{better[0]:.0f} and the PID in {better[1]:.0f}, the others are even. Errors over time "
+        "under each condition (a to f), and the criteria with 95 % intervals of the means.",
+    )
     parts: Any = figure.subfigures(2, 1, height_ratios=[1.6, 1.0])
     courses, criteria = parts
     panels = courses.subplots(2, 3, sharex=True, sharey=True)
     for i, axes in enumerate(panels.flat):
-        _draw_courses(axes, scenario, outcome.tables["courses"], i)
-    legend(panels[0, 0], loc="upper right")
+        _draw_courses(axes, scenario, outcome, i)
+    look = {"loc": "outside lower center", "ncols": 4, "fontsize": 8, "frameon": False}
+    courses.legend(*panels[0, 0].get_legend_handles_labels(), **look)
     below = criteria.subplots(1, len(CRITERIA), sharey=True)
     for axes, criterion in zip(below, CRITERIA, strict=True):
         _draw_criterion(axes, outcome, criterion)
     name_rows(below[0], list(CONDITIONS.values()))
     handles, labels = below[0].get_legend_handles_labels()
-    criteria.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
-    criteria.suptitle("Means with their 95 % intervals", fontsize="medium")
+    criteria.legend(handles, labels, **look)
+    criteria.suptitle("Means with 95 % intervals", fontsize=9)
     return {"servo-comparison": figure}
 
 
 def _draw_courses(
-    axes: Axes, scenario: ResolvedServoComparisonScenario, table: Table, condition: int
+    axes: Axes, scenario: ResolvedServoComparisonScenario, outcome: Outcome, condition: int
 ) -> None:
     """Draw the error over time under one of the conditions."""
+    table, (key, says) = outcome.tables["courses"], list(CONDITIONS.items())[condition]
+    settled = (
+        f"{LOOPS[one][0]} {metric_value(outcome.metrics, f'{key}.{one}.settled'):.3g} %"
+        for one in CONTROLLERS
+    )
     lines: list[Curve] = []
     for j, controller in enumerate(CONTROLLERS):
         name, style = LOOPS[controller]
@@ -480,10 +492,12 @@ def _draw_courses(
         axes,
         (),
         lines,
-        title=f"({'abcdef'[condition]}) {list(CONDITIONS.values())[condition]}",
+        title=f"({'abcdef'[condition]}) {says}, settled: {', '.join(settled)}",
         y="error / mm",
         bands=[FilledBand(-tolerance, tolerance, "tolerance")],
-        levels=[ReferenceLine(scenario.settling_time, "asked to be settled", asked, upright=True)],
+        levels=[
+            ReferenceLine(scenario.settling_time, "time allowed to settle", asked, upright=True)
+        ],
     )
 
 

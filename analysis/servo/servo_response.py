@@ -448,40 +448,66 @@ _ERROR, _RESPONSE = "desired minus actual / mm", "trajectory / m"
 
 def step_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw Fig. 8: responses, rise, errors at the end, other plants, and the PID by camera."""
-    figure = new_figure(10.0, 10.5)
+    metrics = outcome.metrics
+    figure = new_figure(
+        height=11.5,
+        caption=f"{_rise(outcome, 'fsm')}; {_rise(outcome, 'pid')} (a, b). The PID has a "
+        "continuous error and its own plant there; in (f) both have the same camera and plant.",
+    )
     overview, rise, errors, others, camera, fair = figure.subplots(3, 2).ravel()
     time, height = outcome.traces["time"], scenario.desired.amplitude
     lines = [_desired(outcome), *_responses(outcome, "pid", "fsm")]
-    draw_lines(overview, time, lines, title="(a) Step response", y=_RESPONSE, key="lower right")
+    title = f"(a) {_rise(outcome, 'fsm')}; {_rise(outcome, 'pid')}"
+    draw_lines(overview, time, lines, title=title, y=_RESPONSE, key="below", columns=3)
     _step_rise(rise, scenario, outcome)
     zone, lines = _dead_zone(scenario), _errors(outcome, "pid", "fsm", "fsm_velocity")
-    title = "(c) The error that remains"
-    draw_lines(
-        errors, time, lines, title=title, y=_ERROR, bands=[zone], key="lower left", columns=2
-    )
+    ends = [
+        f"{name.upper()} {'inside' if rest <= scenario.fsm.dead_zone else 'outside'}"
+        for name in ("fsm", "pid")
+        if math.isfinite(rest := metric_value(metrics, f"{name}.error_max"))
+    ]
+    title = f"(c) Error at the end, dead zone: {', '.join(ends)}"
+    draw_lines(errors, time, lines, title=title, y=_ERROR, bands=[zone], key="below", columns=2)
     errors.set_ylim(-6e3 * scenario.fsm.dead_zone, 6e3 * scenario.fsm.dead_zone)
     lines = [_desired(outcome, None), *_responses(outcome, *_OTHERS, beyond=3.0 * abs(height))]
-    title = "(d) The same controllers on the other plants"
-    draw_lines(others, time, lines, title=title, y=_RESPONSE, key="upper right", columns=2)
-    growth = outcome.metrics["pid_command.growth_rate"].value
+    settled = sum(math.isfinite(metric_value(metrics, f"{one}.settling_time")) for one in _OTHERS)
+    title = f"(d) On other plants {settled} of {len(_OTHERS)} loops settle"
+    draw_lines(others, time, lines, title=title, y=_RESPONSE, key="below")
+    growth = metrics["pid_command.growth_rate"].value
     if growth:
-        others.text(0.06, 2.1 * height, f"unstable, {growth:.3g} 1/s", fontsize=8)
+        others.text(
+            0.06, 2.1 * height, f"PID, commanded position:\ngrows, {growth:.3g} 1/s", fontsize=8
+        )
     others.set_ylim(*sorted((-0.6 * height, 3.4 * height)))
     others.set_xlim(0, min(1.0, float(time[-1])))
     _step_by_camera(camera, scenario, outcome)
     lines = [_desired(outcome), *_responses(outcome, "fsm", "pid_designed")]
-    title = "(f) A fair one: the FSM's camera and plant for both"
-    draw_lines(fair, time, lines, title=title, y=_RESPONSE, key="lower right")
-    says = []
+    times = [
+        _seconds(metric_value(metrics, f"{one}.rise_time")) for one in ("pid_designed", "fsm")
+    ]
+    title = f"(f) Same camera and plant: PID rises in {times[0]}, FSM in {times[1]}"
+    draw_lines(fair, time, lines, title=title, y=_RESPONSE, key="below")
+    says = ["error at the end"]
     for name in ("fsm", "pid_designed"):
-        rises, over = (
-            metric_value(outcome.metrics, f"{name}.{of}") for of in ("rise_time", "overshoot")
-        )
-        rest = metric_value(outcome.metrics, f"{name}.steady_state_error", 1e3)
-        short = name[:3].upper()
-        says.append(f"{short}: rise {rises:.2g} s, overshoot {over:.1f} %, error {rest:.1f} mm")
-    fair.text(0.98, 0.36, "\n".join(says), transform=fair.transAxes, ha="right", **NOTE)
+        rest = metric_value(metrics, f"{name}.steady_state_error", 1e3)
+        says.append(f"{name[:3].upper()}: {rest:.1f} mm")
+    fair.text(0.98, 0.3, "\n".join(says), transform=fair.transAxes, ha="right", **NOTE)
     return {"step-response": figure}
+
+
+def _rise(outcome: Outcome, name: str) -> str:
+    """Say how a loop rises; an overshoot below 1 % is none."""
+    rise, over = (
+        metric_value(outcome.metrics, f"{name}.{of}") for of in ("rise_time", "overshoot")
+    )
+    if not math.isfinite(rise):
+        return f"{name.upper()} does not settle"
+    said = f"with {over:.3g} % overshoot" if over >= 1 else "without overshoot"
+    return f"{name.upper()} rises in {_seconds(rise)} {said}"
+
+
+def _seconds(time: float) -> str:
+    return f"{1e3 * time:.2g} ms" if time < 0.1 else f"{time:.2g} s"
 
 
 def _step_by_camera(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) -> None:
@@ -491,10 +517,10 @@ def _step_by_camera(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcom
         for name in ("pid.delay_margin", "pid_camera.growth_rate", "pid_camera.growth_rate_late")
     )
     verdict = "diverges" if rate else "diverges a frame late" if late else "is stable"
-    title = f"(e) Is it fair? Behind the FSM's camera eq. (2) {verdict}"
+    title = f"(e) With the FSM's camera the PID of eq. (2) {verdict}"
     seen = Curve(outcome.traces["pid.actual_trajectory"], "eq. (2), continuous error", PID)
     lines = [*_responses(outcome, "pid_camera"), _desired(outcome, None), seen]
-    draw_lines(axes, outcome.traces["time"], lines, title=title, y=_RESPONSE, key="upper left")
+    draw_lines(axes, outcome.traces["time"], lines, title=title, y=_RESPONSE, key="below")
     axes.set_xlim(0, min(40 * period, float(outcome.traces["time"][-1])))
     axes.set_ylim(*sorted((-3.2 * height, 5.2 * height)))
     says = f"a frame every {1e3 * period:.3g} ms"
@@ -510,7 +536,7 @@ def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) ->
     traces, metrics = outcome.traces, outcome.metrics
     time, lines = traces["time"], _responses(outcome, "pid", "fsm")
     rise = metric_value(metrics, "pid.rise_time")
-    title, over = "(b) The PID's rise and overshoot", "time / ms"
+    title, over = "(b) Rise and overshoot of the PID", "time / ms"
     if not np.isfinite(rise):
         draw_lines(axes, 1e3 * time, lines, title=title, y=_RESPONSE, over=over)
         axes.text(0.05, 0.9, "the PID loop does not settle", transform=axes.transAxes, **NOTE)
@@ -535,7 +561,8 @@ def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) ->
         y=_RESPONSE,
         over=over,
         levels=levels,
-        key="center right",
+        key="below",
+        columns=2,
     )
     axes.set_xlim(0, 8e3 * rise)
     axes.text(8e3 * rise, 0.95 * final, f"final {final:.3f} m ", ha="right", fontsize=8)
@@ -543,28 +570,39 @@ def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) ->
 
 def sinusoid_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw Fig. 9: the responses, the errors, and the error over the frequency."""
-    figure = new_figure(10.0, 7.5)
+    below = metric_value(outcome.metrics, "fsm.better_below")
+    better = f"below {below:.2g} rad/s" if math.isfinite(below) else "nowhere"
+    figure = new_figure(
+        height=7.5,
+        caption=f"The FSM has a smaller rms error than the PID {better} (c). Without "
+        "its feedforward (compensation only) it lags the sinusoid.",
+    )
     panels = figure.subplot_mosaic([["response", "response"], ["error", "sweep"]])
     time, sweep = outcome.traces["time"], outcome.tables["frequencies"]
     response, error = panels["response"], panels["error"]
-    response.margins(y=0.18)
     lines = [_desired(outcome), *_responses(outcome, *_SWEPT)]
-    title = "(a) Response to a sinusoid"
-    draw_lines(response, time, lines, title=title, y=_RESPONSE, key="upper right", columns=4)
+    lags = [
+        metric_value(outcome.metrics, f"{name}.phase_lag") for name in ("fsm", "fsm_compensation")
+    ]
+    title = f"(a) FSM lags by {lags[0]:.2g} deg, with compensation only by {lags[1]:.2g} deg"
+    draw_lines(response, time, lines, title=title, y=_RESPONSE, key="below", columns=4)
     zone, lines = _dead_zone(scenario), _errors(outcome, "pid", "fsm")
-    draw_lines(error, time, lines, title="(b) Error", y=_ERROR, bands=[zone], key="upper right")
+    errors = [metric_value(outcome.metrics, f"{name}.error_rms", 1e3) for name in ("fsm", "pid")]
+    title = f"(b) RMS error after a period: FSM {errors[0]:.2g} mm, PID {errors[1]:.2g} mm"
+    draw_lines(error, time, lines, title=title, y=_ERROR, bands=[zone], key="below", columns=3)
     loops, marked = {name: LOOKS[name] for name in _SWEPT}, {"marker": "o", "ms": 3}
     here = ReferenceLine(scenario.frequency, "frequency of (a), (b)", DESIRED, upright=True)
     draw_lines(
         panels["sweep"],
         sweep["frequency"],
         [Curve(1e3 * sweep[name], label, marked | look) for name, (label, look) in loops.items()],
-        title="(c) Where the FSM is better: rms error after a period",
+        title=f"(c) FSM is better than the PID {better}",
         y="rms error / mm",
         over="frequency / (rad/s)",
         levels=[here],
         log=True,
-        key="upper left",
+        key="below",
+        columns=2,
     )
     return {"sinusoid-response": figure}
 

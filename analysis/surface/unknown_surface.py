@@ -16,13 +16,13 @@ from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.contact.contact_figures import note_stability
 from chamfer.analysis.contact.contact_metrics import stability_metrics
 from chamfer.analysis.drawing.figure_kit import (
-    BESIDE,
     Curve,
     FilledBand,
     ReferenceLine,
     draw_lines,
 )
 from chamfer.analysis.drawing.figure_style import (
+    BESIDE,
     DESIRED,
     FORCE,
     NOTE,

@@ -22,7 +22,6 @@ from chamfer.analysis.contact.contact_metrics import (
     stability_metrics,
 )
 from chamfer.analysis.drawing.figure_kit import (
-    BESIDE,
     Curve,
     FilledBand,
     ReferenceLine,
@@ -30,6 +29,7 @@ from chamfer.analysis.drawing.figure_kit import (
 )
 from chamfer.analysis.drawing.figure_style import (
     BAND,
+    BESIDE,
     DESIRED,
     NOTE,
     POSITION,

@@ -93,24 +93,13 @@ QUICK: Final = {
 
 # Their figures are too wide for a page, too small in print or without a caption: to be mended.
 UNFIT: Final = {
-    "adept-nugget-hold",
-    "adept-nugget-motion",
-    "adept-roller-hold",
-    "adept-roller-motion",
     "adept-unknown-wall",
-    "alignment",
-    "alignment-fsm-vs-pid",
     "bnc-connector",
     "bnc-connector-ablation",
     "bnc-connector-success",
     "calibration-accuracy",
     "camera-accuracy",
-    "camera-errors",
     "charging-campaign",
-    "compliance-centre",
-    "contact-convergence",
-    "contact-recovery",
-    "contact-stability",
     "correlation",
     "crucible-charging",
     "d-connector",
@@ -118,43 +107,21 @@ UNFIT: Final = {
     "d-connector-success",
     "design-accuracy",
     "detection-conditions",
-    "friction-remedies",
-    "fsm-stability",
     "hand-camera",
-    "hybrid-stability",
     "insertion",
-    "insertion-map",
-    "insertion-repeatability",
-    "jamming-diagram",
     "lissajous",
     "measured-slide",
     "measured-toss",
     "observer-comparison",
     "observer-model-error",
-    "peg-insertion",
     "peg-skill",
     "peg-skill-success",
-    "planar-hold",
-    "planar-slide",
-    "planar-slide-late",
     "planar-unknown-wall",
-    "plant-identification",
-    "puma-nugget-hold",
-    "puma-nugget-motion",
-    "puma-roller-hold",
-    "puma-roller-motion",
-    "puma-roller-motion-soft",
     "puma-unknown-wall",
-    "repeatability",
     "rj45-connector",
     "rj45-connector-success",
     "scaling",
-    "search-capture",
-    "sensing-sensitivity",
-    "servo-comparison",
-    "sinusoid-response",
     "skill",
-    "step-response",
     "surface-estimation",
     "surface-estimation-large-noise",
     "surface-estimation-noise-free",
@@ -162,10 +129,7 @@ UNFIT: Final = {
     "unknown-surface-control",
     "unknown-surface-control-adaptive",
     "unknown-surface-control-noise-free",
-    "vertical-tracking",
     "vision-primitives",
-    "wedging-diagram",
-    "wrist-contention",
 }
 
 
@@ -367,7 +331,9 @@ def test_figures_fit_a_page_and_have_captions(ran: Ran, request: pytest.FixtureR
         least = min(texts, key=lambda text: text.get_fontsize())
         size = least.get_fontsize() / 72 * 96 * min(1.0, PAGE / width)
         assert size >= LEAST, (name, least)
-        assert re.fullmatch(r"[A-Z].{20,300}[.]", str(figure.get_label())), name
+        caption, *titles = str(figure.get_label()), *map(_title, figure.axes)
+        assert re.fullmatch(r"[A-Z0-9].{20,300}[.]", caption), name
+        assert not re.search(r"\bnan\b|\binf\b|None ", " ".join([caption, *titles])), name
 
 
 def _finite(metric: Metric) -> bool:
