@@ -136,7 +136,7 @@ def figures(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figur
     """Draw the first patterns and the covering radius over N."""
     repeats, amplitude = scenario.repeats, scenario.amplitude
     shown = list(repeats)[:_SHOWN]
-    figure = new_figure(12.0, 6.2)
+    figure = new_figure(12.0, 6.8)
     grid = figure.add_gridspec(2, 4, height_ratios=(1.25, 1.0))
     traces = outcome.traces
     for i, n in enumerate(shown):
