@@ -53,7 +53,11 @@ def break_names(page: nodes.document) -> None:
 def link_figures(page: nodes.document, folder: Path) -> None:
     """Link every figure to its full size, and tell drawings from photographs for dark pages."""
     for image in page.findall(nodes.image):
-        image["width"] = "100%"  # Sphinx links what has a size; the style sheet sets the true one
+        if not isinstance(image.parent, nodes.reference):
+            image["width"] = "100%"  # Sphinx links what has a size; pages.css sets the true one
+            image["classes"].append("full")
+        if "drawn" in image["classes"]:  # a drawing as pixels, by its page
+            continue
         path = folder / image["uri"]
         drawn = path.suffix == ".svg" and b"<image" not in path.read_bytes()
         image["classes"].append("drawn" if drawn else "photo")
