@@ -1,4 +1,4 @@
-"""The guard between a controller and a robot: nothing leaves it that is not within its limits."""
+"""The guard between a controller and a robot: only commands within their limits leave it."""
 
 import math
 from collections.abc import Mapping
@@ -19,18 +19,18 @@ _MOST: Final = 1e9  # in any unit: what is more was not meant
 
 
 class Reading(NamedTuple):
-    """What a robot measured."""
+    """The measurements of a robot."""
 
-    time: float  # s, when, by the robot's own clock; one that does not go on is nothing new
+    time: float  # s, by the robot's own clock; a time that does not increase is no new measurement
     values: Mapping[str, Array | None]  # vectors by name
 
 
 class Intervention(NamedTuple):
-    """Where the guard changed a command, or why it stops.
+    """A change of a command by the guard, or the reason of a stop.
 
     Causes of a change are ``velocity``, ``workspace``, ``acceleration`` and ``behind`` (a place
-    got away before), of which value and limit are velocities, and ``effort`` and ``rate``, of
-    which they are efforts. Any other is the cause of a stop.
+    got away before), with velocities as value and limit, and ``effort`` and ``rate``, with
+    efforts. Any other is the cause of a stop.
     """
 
     time: float  # s
@@ -45,12 +45,12 @@ class CommandGuardParams:
     """Parameters of :class:`CommandGuard`."""
 
     period: float  # s, between two steps
-    timeout: float  # s, longest without anything new, and between two steps
+    timeout: float  # s, longest without a new measurement, and between two steps
     limits: Mapping[str, Limits | None]
     # of each command that goes to the robot; None: it goes as it is, and is held in a stop
-    torque: float = math.inf  # N m, of the input wrench, N m above N; what feels more is stopped
+    torque: float = math.inf  # N m, of the input wrench, N m above N; a larger one stops the robot
     force: float = math.inf  # N, likewise
-    unchecked: tuple[str, ...] = ()  # inputs that may be not finite, such as a camera's errors
+    unchecked: tuple[str, ...] = ()  # inputs that may be non-finite, such as a camera's errors
 
     def __post_init__(self) -> None:
         require_positive(self, "period", "timeout")
@@ -62,23 +62,24 @@ class CommandGuardParams:
 
 
 class GuardState(NamedTuple):
-    """What the guard remembers."""
+    """The memory of the guard."""
 
     moving: Mapping[str, Moving]
-    stop: Intervention | None = None  # why it stops, until it is reset
+    stop: Intervention | None = None  # reason of a stop, until it is reset
     time: float = math.nan  # s, of the step before; NaN: there was none
     measured: float = -math.inf  # s, by the robot's clock
-    fresh: float = math.nan  # s, when something new was measured last
+    fresh: float = math.nan  # s, time of the last new measurement
 
 
 class CommandGuard:
-    """Bounds what is commanded, and stops the robot where it has to.
+    """Limits the commands, and stops the robot if necessary.
 
-    A command within its limits goes through unchanged, to the bit; of another each axis is taken
-    as near to it as may be. The first command starts from rest, a place from where the robot is.
-    A stop takes velocities to 0 at the acceleration that is allowed, within ``stopping_time``,
-    and lasts until :meth:`reset`. The robot's own watchdog has to stop it if nothing was sent for
-    ``timeout``: the guard plans that it goes on for as long, and stops after a step that is late.
+    A command within its limits goes through unchanged, to the bit. Otherwise each axis is as near
+    to the command as the limits allow. The first command starts from rest, a position from the
+    robot's own. A stop takes velocities to 0 at the allowed acceleration, within
+    ``stopping_time``, and lasts until :meth:`reset`. The robot's own watchdog has to stop it if
+    nothing was sent for ``timeout``: the guard plans that it goes on for that time, and stops
+    after a step that is late.
     """
 
     def __init__(self, params: CommandGuardParams) -> None:
@@ -92,7 +93,7 @@ class CommandGuard:
 
     @property
     def stopping_time(self) -> float:
-        """Time, s, from the cause of a stop until nothing moves, at most."""
+        """Longest time, s, from the cause of a stop until nothing moves."""
         return max(one.stopping_time for one in self._limits) + self.params.timeout
 
     def start(self) -> GuardState:
@@ -100,9 +101,9 @@ class CommandGuard:
         return GuardState(dict.fromkeys(self.params.limits, Moving()))
 
     def reset(self, state: GuardState) -> GuardState:
-        """Return the state in which a stop is over; what still moves goes on from there.
+        """Return the state after a stop has ended; an axis that still moves continues from there.
 
-        What is at rest begins anew, from where the robot is: it may have been moved.
+        An axis at rest starts again from the robot's position: somebody may have moved it.
         """
         moving = self.start().moving if self.at_rest(state) else state.moving
         return state._replace(moving=moving, stop=None, time=math.nan, fresh=math.nan)
@@ -116,7 +117,7 @@ class CommandGuard:
     def trouble(
         self, state: GuardState, reading: Reading, time: float, *, abort: bool = False
     ) -> Intervention | None:
-        """Return why the robot has to stop whatever is commanded; None: it has not to."""
+        """Return the reason to stop the robot whatever is commanded; None: there is none."""
         params, values = self.params, reading.values
         longest = params.timeout * (1 + _ROUNDING)
         if abort:
@@ -151,10 +152,10 @@ class CommandGuard:
         *,
         abort: bool = False,
     ) -> tuple[GuardState, Mapping[str, Array], tuple[Intervention, ...]]:
-        """Return the state after a step, what may be sent, and why that is not what was asked.
+        """Return the state after a step, the command to send, and the reason of each difference.
 
-        The ``command`` is the law's answer by name, or None. What is sent lacks a place as long
-        as it is not known from where it starts.
+        The ``command`` is the law's answer by name, or None. A position is not sent as long as its
+        start is unknown.
         """
         params, fresh = self.params, reading.time > state.measured
         given = command or {}
@@ -197,7 +198,7 @@ class CommandGuard:
 def _fault(
     value: Array | None, limits: Limits | None, least: int, most: float = math.inf
 ) -> tuple[float, float] | None:
-    """Return what of a vector can't be, and what would be allowed; None if it may be."""
+    """Return the wrong part of a vector, and the allowed values; None if it is valid."""
     if value is None or not least <= value.size <= most:
         return 0 if value is None else value.size, least
     if not (meant := np.abs(value) <= _MOST).all():

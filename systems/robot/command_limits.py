@@ -1,8 +1,8 @@
-"""What a command may be, of each kind: its limits, and how it comes to rest.
+"""The limits of each kind of command, and its way to rest.
 
-Every limit is of each axis: a tool has six, about X, Y, Z and along them, a joint has one. Brakes
-are planned so that no border is crossed: the robot may go on for a time T with what it was sent
-last, so that a velocity v towards a border at the distance d has to satisfy
+Every limit is of each axis: a tool has six, about X, Y, Z and along them, a joint has one. Braking
+is planned so that no border is crossed. The robot may go on for a time T with the last command, so
+that a velocity v towards a border at the distance d has to satisfy
 v^2 / (2 a) + v T <= d, with the acceleration a.
 """
 
@@ -21,21 +21,21 @@ _ROUNDING: Final = 1e-12  # of velocities, ways and efforts
 
 
 class Moving(NamedTuple):
-    """What is remembered of a command."""
+    """The state of a command."""
 
     command: Array | None = None  # sent last
-    velocity: Array = np.zeros(1)  # of it, of each axis; of an effort, how far it is from rest
+    velocity: Array = np.zeros(1)  # of it, of each axis; of an effort, its distance from rest
     room: Array = np.full((2, 1), np.inf)  # of each axis, to the lower and the upper border
-    asked: Array | None = None  # the place that was asked for
+    asked: Array | None = None  # requested position
 
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityLimits:
-    """Of a velocity: of a tool, rad/s above m/s in the world's axes, or of joints.
+    """Limits of a velocity: of a tool, rad/s above m/s in the world's axes, or of joints.
 
-    ``low`` and ``high`` are borders of where the last axes are, for a tool x, y and z; where is
-    said by the last elements of the input ``measured``. Between measurements the robot is taken
-    to move as it was sent; a measurement's delay has to be left as a margin.
+    ``low`` and ``high`` are borders of the last axes' positions, for a tool x, y and z. The last
+    elements of the input ``measured`` are these positions. Between measurements the guard assumes
+    that the robot moves as commanded; leave a margin for a measurement's delay.
     """
 
     speed: tuple[float, ...]  # rad/s or m/s
@@ -59,21 +59,21 @@ class VelocityLimits:
 
     @property
     def reads(self) -> int:
-        """Elements of what is measured, at least."""
+        """Least number of elements of the measurement."""
         return len(self.low)
 
     @property
     def stopping_time(self) -> float:
-        """Time, s, that coming to rest takes at most, if steps came without end."""
+        """Longest time, s, to come to rest, with steps without end."""
         return float(np.divide(self.speed, self.acceleration).max())
 
     def step(
         self, moving: Moving, asked: Array | None, seen: Array | None, elapsed: float, hold: float
     ) -> tuple[Moving, list[Held]]:
-        """Return what is sent, and to what it was held.
+        """Return the command to send, and the limits that changed it.
 
-        What is ``asked`` is None to come to rest, what is ``seen``, the input that is measured,
-        where nothing is new. The robot may go on for a time, to ``hold``, with what it is sent.
+        ``asked`` is None to come to rest. ``seen`` is the measured input, None without a new one.
+        The robot may go on for a time, ``hold``, with the command.
         """
         if seen is not None:
             room = self._room(seen)
@@ -98,21 +98,21 @@ class VelocityLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLimits(VelocityLimits):
-    """Of positions of joints, rad or m, that start from what is ``measured``.
+    """Limits of joint positions, rad or m, which start from the ``measured`` ones.
 
-    They are held as velocities are, those of the ways of a step over the period: robots take a
-    place a period, however much before or after its time it was sent.
+    They are limited as velocities are, those of the steps over the period: robots execute a
+    position a period, however much before or after its time it was sent.
     """
 
     @property
     def reads(self) -> int:
-        """Elements of what is measured, at least."""
+        """Least number of elements of the measurement."""
         return self.size
 
     def step(
         self, moving: Moving, asked: Array | None, seen: Array | None, elapsed: float, hold: float
     ) -> tuple[Moving, list[Held]]:
-        """Return what is sent, and to what it was held; nothing before it is known where it is."""
+        """Return the command to send, and the limits that changed it; None while it is unknown."""
         place = seen if moving.command is None else moving.command
         if place is None:
             return moving, []
@@ -140,9 +140,9 @@ class PositionLimits(VelocityLimits):
 
 @dataclass(frozen=True, kw_only=True)
 class PoseLimits(PositionLimits):
-    """Of a tool's pose: quaternion w, x, y, z and position, m, in the world.
+    """Limits of a tool's pose: quaternion w, x, y, z and position, m, in the world.
 
-    A quaternion and its negative turn alike: the nearer is gone to.
+    A quaternion and its negative are the same rotation: the guard goes to the nearer one.
     """
 
     def __post_init__(self) -> None:
@@ -169,7 +169,7 @@ class PoseLimits(PositionLimits):
 
 @dataclass(frozen=True, kw_only=True)
 class EffortLimits:
-    """Of joint torques, or a wrench. It starts from that at ``rest``, and stops there."""
+    """Limits of joint torques, or a wrench. It starts from that at ``rest``, and stops there."""
 
     most: tuple[float, ...]  # N m or N, largest size
     rate: tuple[float, ...]  # N m/s or N/s
@@ -200,7 +200,7 @@ class EffortLimits:
     def step(
         self, moving: Moving, asked: Array | None, seen: Array | None, elapsed: float, hold: float
     ) -> tuple[Moving, list[Held]]:
-        """Return what is sent, and to what it was held."""
+        """Return the command to send, and the limits that changed it."""
         effort, held = _held(
             self._rest if asked is None else asked,
             effort=_around(0.0, self.most),
@@ -224,14 +224,14 @@ def _around(middle: Array | float, most: Array | tuple[float, ...]) -> tuple[Arr
 
 
 def _braked(distance: Array, braking: Array, hold: float) -> Array:
-    """Return the largest velocity of which one can brake, after a hold, within a distance."""
+    """Return the largest velocity that can brake, after a hold, within a distance."""
     left = 2 * np.maximum(distance, 0) / braking
     velocity: Array = braking * (np.sqrt(hold**2 + left) - hold)
     return velocity
 
 
 def _held(wanted: Array, **ranges: tuple[Array, Array]) -> tuple[Array, list[Held]]:
-    """Return what is wanted, held to one range after the other, and to which it was."""
+    """Return the request, limited to one range after the other, and the ranges that changed it."""
     found = []
     for cause, (low, high) in ranges.items():
         inside = np.clip(wanted, low, high)

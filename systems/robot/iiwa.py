@@ -1,4 +1,4 @@
-"""An iiwa that is reached by Drake's messages, which drake-iiwa-driver speaks."""
+"""An iiwa behind Drake's messages, which drake-iiwa-driver uses."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -27,9 +27,9 @@ _READ: Final = {  # by the name in the message; torques there have the sign agai
 class Iiwa:
     """An iiwa behind ``IIWA_STATUS`` and ``IIWA_COMMAND``.
 
-    What it reads has the names of the status, shape (7,) each, torques with the sign of
-    actuators. It takes ``joint_position``, ``joint_torque``, which is added to the weight that the
-    arm carries itself, or both, as the application on its cabinet has it.
+    Its readings have the names of the status, shape (7,) each; torques have the sign of actuators.
+    It accepts ``joint_position``, ``joint_torque``, which is added to the arm's own gravity
+    compensation, or both, as the application on its cabinet requires.
     """
 
     def __init__(self, lcm: DrakeLcmInterface, *, period: float = 0.005) -> None:
@@ -39,7 +39,7 @@ class Iiwa:
 
     @property
     def ready(self) -> bool:
-        """Whether the arm has said how it is, with a time: the driver says -1 before it knows it.
+        """Whether the arm has sent its state with a time: the driver sends -1 before it knows it.
 
         The driver takes commands only from 0.25 s after its first message on.
         """
@@ -47,7 +47,7 @@ class Iiwa:
         return bool(self._status.count > 0 and self._status.message.utime >= 0)
 
     def read(self) -> Reading:
-        """Return what the last message says.
+        """Return the content of the last message.
 
         Raises:
             ParameterError: If there was none yet, or it is of another number of joints.
@@ -71,7 +71,7 @@ class Iiwa:
         self._publish()
 
     def stop(self) -> None:
-        """Stay where it was sent last, and take the torque away."""
+        """Stay at the last commanded position, and remove the torque."""
         self._sent.joint_torque = [0.0] * self._sent.num_torques
         if self._sent.num_joints or self._sent.num_torques:
             self._publish()

@@ -1,4 +1,4 @@
-"""Messages between two processes of this machine: vectors by name, as JSON, and nothing else."""
+"""Messages between two processes of this machine: vectors by name, as JSON."""
 
 import json
 import os
@@ -16,8 +16,8 @@ from typing import Any, Final
 
 _HOST: Final = "127.0.0.1"
 _MOST: Final = 1 << 28  # bytes of a message
-_ENDING: Final = 5.0  # s, that a process may take to end
-_STARTING: Final = 60.0  # s, likewise to begin
+_ENDING: Final = 5.0  # s, for a process to end
+_STARTING: Final = 60.0  # s, for a process to begin
 _FAILED: Final = "failed"
 
 Message = Mapping[str, Any]
@@ -43,11 +43,11 @@ class Link:
             raise LinkError("has ended") from error
 
     def fail(self, reason: str) -> None:
-        """Say why this side has to end."""
+        """Send the reason of this side's end."""
         self.send({_FAILED: reason})
 
     def receive(self, timeout: float | None) -> Message | None:
-        """Return the next message; None if none comes for a time, s, which may have no end, None.
+        """Return the next message; None if none comes for a time, s; None waits indefinitely.
 
         Raises:
             LinkError: If the other side has ended or failed.
@@ -67,8 +67,8 @@ class Link:
 def process(module: str, order: Message) -> Iterator[Link]:
     """Run a module in another process, and yield the connection to it; it ends with the block.
 
-    The module calls :func:`served` for its end and its order. It has a session of its own, so
-    that Ctrl-C reaches it through who started it alone.
+    The module calls :func:`served` for its end and its order. It has its own session, so
+    that Ctrl-C reaches only its starter, which ends it.
 
     Raises:
         LinkError: If it does not start.
@@ -97,9 +97,10 @@ def process(module: str, order: Message) -> Iterator[Link]:
 
 
 def served() -> tuple[Message, Link]:
-    """Return what this process is to do, and its end of the connection to who started it.
+    """Return the order of this process, and its end of the connection to its starter.
 
-    It listens on this machine alone, refuses whoever has not the key, and ends with its starter.
+    It listens on this machine alone, refuses connections without the key, and ends with its
+    starter.
     """
     order = json.loads(sys.stdin.readline())
 

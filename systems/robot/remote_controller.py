@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class RemoteController(LeafSystem):
-    """Tells a controller what is measured, and does what it commands, as a robot's own driver.
+    """Connects a simulated robot to a controller in another process, as a robot's driver does.
 
     .. pydrake_system::
 
@@ -26,14 +26,15 @@ class RemoteController(LeafSystem):
         output_ports:
         - (one per output of the law)
 
-    Once a period of the law it sends what is measured, the time, and the poses that it is told to
-    take, and ``waits`` for the answer, s in real time, or None, for ever; an answer that comes
-    later counts from the next period on. ``<name>_pose``, (7,), goes on with the linear part of
-    ``<name>_velocity``, (6,), for at most the ``timeout``, s, and then stays where it is, as it
-    does once the controller says ``stop``, and nothing more is heard. Before the first answer
-    the law's start counts.
+    Once a period of the law it sends the measurements, the time, and the poses that it is
+    commanded. Then it ``waits`` for the answer, s in real time, or None, indefinitely. A later
+    answer counts from the next period on.
 
-    Abstract state: the last command, and the time, s, of which it is.
+    ``<name>_pose``, (7,), continues with the linear part of ``<name>_velocity``, (6,), for at most
+    the ``timeout``, s, and then stays. It also stays once the controller sends ``stop``, after
+    which no message counts. Before the first answer the law's start counts.
+
+    Abstract state: the last command, and its time, s.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class RemoteController(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(law.period, 0.0, self._exchange)
 
     def _now(self, context: Context) -> dict[str, Array]:
-        """Return what is commanded at this time."""
+        """Return the command at this time."""
         told: Frozen = context.get_abstract_state(self._told).get_value()
         since, command = context.get_time() - told.state, dict(told.command)
         for velocity, pose in self._moved.items():

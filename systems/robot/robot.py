@@ -1,4 +1,4 @@
-"""Runs a law on a robot, at a fixed rate, with a guard around what is commanded."""
+"""Run a law on a robot at a fixed rate, with a guard around the commands."""
 
 import gc
 import signal
@@ -23,12 +23,12 @@ _ROUNDING: Final = 1e-9  # s
 
 
 class Robot(Protocol):
-    """A robot, as its adapter shows it."""
+    """A robot, as its adapter presents it."""
 
     period: float  # s, between two commands
 
     def read(self) -> Reading:
-        """Return what was measured last, without waiting."""
+        """Return the last measurements, without waiting."""
 
     def write(self, command: Mapping[str, Array]) -> None:
         """Send a command, vectors by name."""
@@ -39,14 +39,14 @@ class Robot(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class RunReport:
-    """How a run on a robot went."""
+    """The result of a run on a robot."""
 
     ticks: int
-    missed: int  # ticks that were left out, for their time was over
+    missed: int  # ticks that were left out, because their time was over
     lateness: Mapping[str, float]  # s, by which ticks began late: median, 99 % and largest
     interventions: tuple[Intervention, ...]
-    stopped: Intervention | None  # why the guard stopped the robot; None: it did not
-    state: Any  # of the law, at last
+    stopped: Intervention | None  # reason of the guard's stop; None: no stop
+    state: Any  # last one of the law
 
 
 def run_controller(
@@ -62,18 +62,18 @@ def run_controller(
 ) -> RunReport:
     """Run a law on a robot until it has ended, or the guard has stopped the robot.
 
-    The ticks are multiples of the period from the start, so that nothing adds up; one whose time
-    is over when it would begin is left out. Whatever ends the run, the robot is stopped before
-    anything else: at the end, at Ctrl-C or a termination, and at any error, which then goes on.
-    Once the guard stops, the law is aborted, and asked no more.
+    The ticks are multiples of the period from the start, so that rounding does not add up; a tick
+    whose time is over when it would begin is left out. However the run ends, the robot is stopped
+    first: at the end, at Ctrl-C or a termination, and at any error, which is then raised. Once the
+    guard stops, the law is aborted and not called again.
 
     Args:
         robot: The robot.
-        law: Its inputs are what the robot reads, its outputs what it is sent.
-        guard: Decides what may be sent.
+        law: Its inputs are the robot's readings, its outputs the robot's commands.
+        guard: Decides which commands are sent.
         until: Whether it has ended, of the law's state and the time, s.
         abort: Whether somebody wants it to stop.
-        log: Is given each step of the law: what it saw, and what it answered.
+        log: Gets each step of the law: its inputs and its outputs.
         clock: Time, s, that only goes forward.
         sleep: Waits, s.
 

@@ -14,14 +14,14 @@ from chamfer.systems.robot.link import Link, LinkError, Message
 
 Array = NDArray[np.float64]
 
-_PATIENCE: Final = 10.0  # s, for what the robot says next
-_STARTING: Final = 120.0  # s, likewise at the start, where it compiles, and at the end
+_PATIENCE: Final = 10.0  # s, for the robot's next message
+_STARTING: Final = 120.0  # s, for the same at the start, where it compiles, and at the end
 
 
 class SimulatedRobot:
-    """Reads what the robot measures, and tells it what to do.
+    """Reads the measurements of a simulated robot, and sends its commands.
 
-    Its clock is the robot's, which tells the time with each measurement. ``answers`` are the
+    Its clock is the robot's, which sends the time with each measurement. ``answers`` are the
     times, s, that real time took from each measurement to the command that answers it.
     """
 
@@ -38,7 +38,7 @@ class SimulatedRobot:
         return self._reading.time / (self._sent - self._began)
 
     def clock(self) -> float:
-        """Return the robot's time, s, when it measured last."""
+        """Return the robot's time, s, of its last measurement."""
         if not self._reading.values:
             self._take(_STARTING)
             self._began = self._sent
@@ -58,11 +58,11 @@ class SimulatedRobot:
         self._reading = Reading(at, values)
 
     def read(self) -> Reading:
-        """Return what was measured last, without waiting."""
+        """Return the last measurements, without waiting."""
         return self._reading
 
     def write(self, command: Mapping[str, Array]) -> None:
-        """Answer what was measured last with a command."""
+        """Answer the last measurement with a command."""
         named = {name: np.asarray(one).tolist() for name, one in command.items()}
         self._link.send({"time": [self._reading.time], **named})
         self.answers.append(time.monotonic() - self._sent)
@@ -73,7 +73,7 @@ class SimulatedRobot:
             self._link.send({"stop": []})
 
     def log(self) -> dict[str, Array]:
-        """Return what was true at each step of a simulation that was stopped, by name."""
+        """Return the true values at each step of a simulation that was stopped, by name."""
         while "log" not in (message := self._message(_STARTING)):
             pass
         return {name: np.array(one) for name, one in message.items() if name != "log"}

@@ -32,7 +32,7 @@ TIME_TOLERANCE: Final = 1e-9  # s, periods such as 1/80 s don't add up to a time
 
 @dataclass(slots=True)
 class Tick(Generic[Inputs, Memory]):
-    """What guards and actions see: the time, the inputs and the chart's memory."""
+    """Input of guards and actions: the time, the inputs and the chart's memory."""
 
     time: float  # s
     time_in_state: float  # s
@@ -51,7 +51,7 @@ class State(Generic[Inputs, Memory]):
     timeout: float | None = None  # s, after which the state is left for on_timeout
     on_timeout: str | None = None
     outcome: Literal["done", "failed"] | None = None  # set: the state is final
-    note: str = ""  # what is done in it, for the drawing
+    note: str = ""  # action in the state, for the drawing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +61,14 @@ class Transition(Generic[Inputs, Memory]):
     source: str  # a state's name, or ANY
     target: str
     guard: Callable[[Tick[Inputs, Memory]], bool]
-    label: str  # what the guard says, for the log and the drawing
+    label: str  # meaning of the guard, for the log and the drawing
     action: Callable[[Tick[Inputs, Memory]], Memory] | None = None
-    history: bool = False  # one of the ways back to the state before; drawings show them as one
+    history: bool = False
+    # whether it is one of the ways back to the state before; drawings show them as one
 
 
 class Snapshot(NamedTuple, Generic[Memory]):
-    """Where a chart is: everything that one tick hands to the next."""
+    """The state of a chart between two ticks."""
 
     state: str
     entered_at: float  # s
@@ -99,9 +100,9 @@ class Chart(Generic[Inputs, Memory]):
     """States and guarded transitions, checked at construction.
 
     The first state is the initial one; transitions are in priority order. The ``memory``, an
-    immutable value, is what the chart remembers before its first tick. An abort leads to the
-    state ``on_abort``, by default the first that is failed, or else the initial one, with an
-    action that is given the name of the state before.
+    immutable value, is the chart's memory before its first tick. An abort leads to the state
+    ``on_abort``, by default the first that is failed, or else the initial one, with an action that
+    gets the name of the state before.
 
     Raises:
         ChartError: If a name is used twice or unknown, a state can't be reached or, not being
@@ -149,7 +150,7 @@ class Chart(Generic[Inputs, Memory]):
         return Snapshot(self.initial, 0.0, self.memory, False)
 
     def state(self, name: str) -> State[Inputs, Memory]:
-        """Return the state of that name."""
+        """Return the state with that name."""
         return self._states[name]
 
     def successors(self, name: str) -> frozenset[str]:

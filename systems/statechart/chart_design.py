@@ -64,7 +64,7 @@ def not_used(chart: Chart[Inputs, Memory], run: Sequence[str]) -> tuple[str, ...
 def not_connected(chart: Chart[Inputs, Memory]) -> tuple[tuple[str, str], ...]:
     """Return the pairs of states without a way from the first to the second (criterion 2).
 
-    A final state is only ever entered; a way out of it is not asked for.
+    A final state is only ever entered and needs no way out.
     """
     starts = [state.name for state in chart.states if state.outcome is None]
     return tuple(

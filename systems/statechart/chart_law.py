@@ -1,4 +1,4 @@
-"""A state chart as a law: what it reads, and what of its memory it commands."""
+"""A state chart as a law: its inputs, and outputs computed from its memory."""
 
 from collections import namedtuple
 from collections.abc import Callable, Mapping
@@ -25,7 +25,7 @@ def number(name: str, unit: str = "") -> MachineOutput[Any]:
 
 
 class ChartState(NamedTuple, Generic[Memory]):
-    """Where a chart is, and how it came there."""
+    """The chart's snapshot and the transitions that led there."""
 
     snapshot: Snapshot[Memory]
     log: tuple[TransitionRecord, ...] = ()  # every transition taken, oldest first
@@ -70,7 +70,7 @@ class ChartLaw(HeldLaw[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]
         self._index = {name: float(i) for i, name in enumerate(chart.state_names)}
 
     def observe(self, values: Vectors) -> Inputs:
-        """Return what the chart sees, of vectors by name."""
+        """Return the chart's inputs from vectors by name."""
         seen = vectors(self.inputs, values)
         read = [None if one is None else tuple(one.tolist()) for one in seen]
         return self.observation(*read)
@@ -78,14 +78,14 @@ class ChartLaw(HeldLaw[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]
     def update(
         self, state: ChartState[Memory], observation: Inputs, time: float, *, abort: bool = False
     ) -> ChartState[Memory]:
-        """Return where the chart is after a tick."""
+        """Return the chart's state after a tick."""
         snapshot, record = self.chart.step(state.snapshot, observation, time, abort=abort)
         return ChartState(snapshot, state.log if record is None else (*state.log, record))
 
     def abort(
         self, state: ChartState[Memory], observation: Inputs, time: float
     ) -> ChartState[Memory]:
-        """Return where the chart is after a tick that aborts it, from where it does not go on."""
+        """Return the chart's state after a tick that aborts it; it then stays there."""
         return self.update(state, observation, time, abort=True)
 
     def command(self, state: ChartState[Memory]) -> Any:

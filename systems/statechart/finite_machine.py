@@ -36,7 +36,7 @@ def explore(
 ) -> FiniteMachine:
     """Return the machine that ``step``, to next state and output, reaches from ``initial``.
 
-    The inputs are one representative of each that the machine tells apart; their size is rho.
+    The inputs are one representative of each that the machine distinguishes; their size is rho.
 
     Raises:
         ValueError: If more than 2000 states are reached.
@@ -68,14 +68,14 @@ def explore(
 
 @dataclass(frozen=True)
 class TarrafProperties:
-    """Which of the three properties hold."""
+    """The three properties that hold."""
 
     gain: float  # the least finite gain, infinity if there is none
     merges: bool  # external and incremental stability
 
     @property
     def count(self) -> int:
-        """How many of the three hold."""
+        """Number of the three that hold."""
         return int(np.isfinite(self.gain)) + 2 * int(self.merges)
 
 

@@ -32,7 +32,7 @@ class StateMachine(LawBlock[ChartLaw[Inputs, Memory]], Generic[Inputs, Memory]):
         self.chart = law.chart
 
     def snapshot(self, context: Context) -> Snapshot[Memory]:
-        """Return where the chart is: state, time of entry and memory."""
+        """Return the snapshot of the chart: state, time of entry and memory."""
         snapshot: Snapshot[Memory] = self.state(context).snapshot
         return snapshot
 

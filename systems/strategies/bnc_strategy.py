@@ -3,9 +3,9 @@
 Source: Morrow, Nelson and Khosla. The paper's text gives the three phases and the primitives; the
 figure's transitions and all numbers are reconstructed.
 
-That it is mated is known by what only a locked sleeve can do: it stopped at the studs' channel as
-at an end stop, turned by a quarter, came up into the detents by itself as the push was released,
-and neither turns nor comes off any more.
+Only a locked sleeve behaves as follows, which confirms that it is mated. It stopped at the studs'
+channel as at an end stop, turned by a quarter, and rose into the detents by itself when the push
+was released. After that it neither turns nor comes off.
 """
 
 import math
@@ -41,28 +41,31 @@ class BncConnectorSkillParams(PlugInsertionParams):
     """Parameters of the insertion; all of them are assumed."""
 
     drop: float = 0.001  # m, of a sleeve over the barrel, or with its slots over the studs
-    stud_limit: float = 0.005  # m, of the push to the studs; beyond they are in the slots
-    beside: float = 0.006  # m, along y, of where the face is felt
-    limit_share: float = 3.4  # a push that only the wrist seems to move ends there
+    stud_limit: float = 0.005  # m, of the push to the studs; beyond it the studs are in the slots
+    beside: float = 0.006  # m, of the sleeve
+    limit_share: float = 3.4  # a push that only the wrist makes appear to move ends there
     free_share: float = 0.5  # the spring gives way from its first touch on
-    out_force: float = 6.5  # N, with which a sleeve that is not locked comes off
+    out_force: float = 6.5  # N, that takes off a sleeve that is not locked
     unlock_share: float = 1.25
-    # of the believed mating force, that a sleeve to be unlocked is pushed with, moved or not: the
-    # spring lifts one in its detents with most of its force
+    # of the believed mating force, push on a sleeve to be unlocked, moved or not: the spring lifts
+    # a sleeve in its detents with most of its force
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
-    face: float = 0.0007  # m, by which depths from the face, felt tilted, are unsure
+    face: float = 0.0007
+    # m, uncertainty of depths from the face, which the sleeve touched with a tilt
     end: float = 0.0005  # m, before the turning depth, from which on a stop counts as the end
     shake_amplitude: float = 0.025
-    # rad, about z, of the dither that takes the bore's friction off the push; within the slots
-    shake_frequency: float = 4.0  # Hz, of it
+    # rad, about z, of the dither that removes the friction of the bore from the push; within the
+    # slots
+    shake_frequency: float = 4.0  # Hz, of that dither
     settle_amplitude: float = 0.03  # rad, about x and y, of the dithers that straighten a sleeve
-    settle_cycles: float = 2.0  # of them
-    settles: int = 2  # times that a push which has jammed is tried again after them
-    search_press: float = 0.007  # m/s, towards the socket, while it is searched for
+    settle_cycles: float = 2.0  # of these dithers
+    settles: int = 2  # times that a jammed push is tried again after them
+    search_press: float = 0.007  # m/s, towards the socket during the search
     search_frequency: float = 0.3  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
     search_amplitude: float = 0.0026  # m, of each dither of the search
-    wider: float = 1.3  # by which a second search is, and slower, where the first found nothing
+    wider: float = 1.3
+    # factor of the second search in width and time, after the first found nothing
     sweep_amplitude: float = math.pi / 2  # rad, of the turn that searches for the slots
     sweep_frequency: float = 0.05  # Hz, of the turn that searches for the slots
     turn: Turn = "-rz"  # that locks, about the tool's z
@@ -70,18 +73,20 @@ class BncConnectorSkillParams(PlugInsertionParams):
     turn_torque: float = 0.34  # N m, at which the turn is jammed
     turn_distance: float = 1.2  # rad, least angle of the turn
     rise_time: float = 0.8  # s, in which a released sleeve rises into the detents
-    back_torque: float = 0.08  # N m, that a sleeve in its detents holds as it is turned back
+    back_torque: float = 0.08
+    # N m, that a sleeve in its detents withstands when it is turned back
     back_speed: float = 0.15  # rad/s, of that turn
-    back_limit: float = 0.25  # rad, way after which turning back has found no hold
+    back_limit: float = 0.25  # rad, turn back after which the detents don't hold
     pull_speed: float = 0.008  # m/s, of the pull that tests the lock
     pull_force: float = 4.5  # N, that the detents have to hold
-    pull_limit: float = 0.0015  # m, way after which the pull has found no hold
-    harder: float = 1.1  # of the force with which the spring stops a push, at the end stop
-    rise: float = 1.2  # of the force at the end stop over that of the spring before it
+    pull_limit: float = 0.0015  # m, pull after which the detents don't hold
+    harder: float = 1.1  # times the force with which the spring stops a push, at the end stop
+    rise: float = 1.2  # ratio of the force at the end stop to that of the spring before it
     stop_stiffness: float = 2.2e4
-    # N/m, of the end stop at least, as a wrist that is much softer than believed makes it appear
-    surely: float = 1.2  # of the compliance of that: a spring gives way by more
-    turn_press: float = 0.85  # of the command at the end stop, that it is turned with
+    # N/m, least stiffness of the end stop, as it appears with a wrist that is much softer than
+    # believed
+    surely: float = 1.2  # times the compliance of that stiffness: a spring gives way by more
+    turn_press: float = 0.85  # of the command at the end stop, push of the turn
 
     NAME: ClassVar[str] = "BNC connector"
 

@@ -3,10 +3,10 @@
 Source: Morrow, Nelson and Khosla. The paper's text gives the three phases and the primitives; the
 figure's transitions and all numbers are reconstructed.
 
-The face is felt first, beside the opening, where the plug can't drop in: with the narrow edge of
-its rim on the face it is laid level along its long axis, and how high it is then is the mark, from
-which all depths count. Along the short axis it stays as it was grasped, until it lies at the
-bottom; then that is known, and how high the edge was beside its middle with it.
+The plug first touches the face beside the opening, where it can't drop in. With the narrow edge of
+its rim on the face it is laid level along its long axis. Its height there is the mark, from which
+all depths count. About the short axis it stays as it was grasped until it lies at the bottom. That
+reveals the tilt, and with it the height of the edge beside its middle.
 """
 
 import math
@@ -41,45 +41,43 @@ _LYING: Final = (math.inf, 0.0, math.inf, math.inf, math.inf, 0.0)  # only ry an
 class DConnectorSkillParams(PlugInsertionParams):
     """Parameters of the insertion; all of them are assumed."""
 
-    limit_share: float = 3.0
-    # of the believed mating force, at which a push that moves nothing ends; no cap
+    limit_share: float = 3.0  # enough for a connector that needs more than 2.5 times
     drop: float = 0.0013
-    # m, below the face, of a shell that has dropped in; one that hooks in and tilts is less deep
-    beside: float = 0.0047  # m, along y, of where the face is felt: the edge over its middle
-    tilted: tuple[float, float] = (0.09, 0.03)
-    # rad, since it lay on the face: about x it lay as it was grasped
-    level_limit: float = 0.1  # rad, about x and y, that it may be grasped wrongly
-    level_time: float = 20.0  # s, in which the plug has to lie down on the socket's face
-    search_press: float = 0.012  # m/s, towards the socket, while it is searched for
+    # m, below the face, of a shell in the opening; one that hooks in and tilts is less deep
+    beside: float = 0.0047  # m, with the edge over its middle
+    tilted: tuple[float, float] = (0.09, 0.03)  # rad, because about x it lay as it was grasped
+    level_limit: float = 0.1  # rad, about x and y, largest error of the grasp
+    level_time: float = 20.0  # s, for the plug to lie down on the socket's face
+    search_press: float = 0.012  # m/s, towards the socket during the search
     search_frequency: float = 0.45  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
-    wider: float = 1.45  # by which the rotary search is, with so many more cycles
-    search_threshold: float = 0.8
-    # of the correlation C, below it the search has ended; free is pi^2/8
+    wider: float = 1.45  # factor of the rotary search in width and number of cycles
+    search_threshold: float = 0.8  # of the correlation C; below it the search ends; free is pi^2/8
     twist_amplitude: float = 0.06  # rad, of the rotary search's turn about z
     twist_frequency: float = 0.12  # Hz, of the rotary search's turn about z
-    turn_gain: float = 0.2  # 1/s, with which both searches keep the turn's middle
+    turn_gain: float = 0.2  # 1/s, with which both searches hold the middle of the turn
     settle_amplitude: float = 0.02  # rad, about x and y, of dithers that settle or straighten it
     settle_cycles: float = 1.0  # of the dithers that settle the plug
     entry: float = 0.0008
-    # m, that a plug may seem to be off its pins' first touch, as its tilt about x is not known yet
+    # m, apparent error of the pins' first touch, as the tilt about x is still unknown
     short: float = 0.00025  # m, that a mated plug may appear short of the mated depth
     stop_stiffness: float = 2.2e4
-    # N/m, of an end stop at least: as soft it appears where the wrist has 45 % less than believed
+    # N/m, least stiffness of an end stop: as soft it appears with 45 % less stiffness of the wrist
+    # than believed
     lay_press: float = 0.01
-    # m/s, beyond what the end stop took, while what is not in line lies down there
-    lay_time: float = 3.0  # s, in which it has to
+    # m/s, beyond the push at the end stop, while a tilted plug lies down at the bottom
+    lay_time: float = 3.0  # s, for that
     back_off: float = 0.00075  # m, up, of a plug that has jammed
     push_dither: float = 0.0001  # m, along x while it pushes
     through_share: float = 1.02
-    # of the believed mating force, that it pushes with where the tines begin to spread
+    # of the believed mating force, push where the tines begin to spread
     pull_speed: float = 0.005  # m/s, of the pull that tests the retention
     pull_force: float = 2.5  # N, that the contacts have to hold
-    pull_limit: float = 0.0005  # m, way after which the pull has found no hold
+    pull_limit: float = 0.0005  # m, pull after which the contacts don't hold
     verify_amplitude: float = 0.0012  # m, of the last dither, more than the shells' clearance
     verify_frequency: float = 0.7  # Hz, of the last dither: slow enough for a soft arm
     verify_threshold: float = 1.1
-    # of the correlation C, below it the plug is held; free is pi^2/8
+    # of the correlation C; below it the socket holds the plug; free is pi^2/8
 
     NAME: ClassVar[str] = "D connector"
     MAY_BE_ZERO: ClassVar = ("twist_amplitude", "settle_amplitude", "push_dither")

@@ -1,8 +1,8 @@
-"""What strategies share: feeling the face first, laying a plug flat, and searching for the mate.
+"""Common parts of the strategies: touch the face first, lay a plug flat, search for the mate.
 
-Source: Morrow, Nelson and Khosla, section 4, of the search by two dithers and of what is common
-to all: the sensor's zero, and the way out. The face that is felt first, the alignment by touch and
-the search by a tilted peg are not of the paper; their primitives are. All numbers are assumed.
+Source: Morrow, Nelson and Khosla, section 4, for the search by two dithers, the tare of the
+sensor, and the way out. The first contact with the face, the alignment by contact and the search
+by a tilted peg are not in the paper; their primitives are. All numbers are assumed.
 """
 
 import math
@@ -39,29 +39,30 @@ ALONG: Final = (math.inf, math.inf, math.inf, 1500.0, 1500.0, 0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class FaceFeelingParams:
-    """Parameters of any insertion that feels the face first."""
+    """Parameters of any insertion that first touches the face."""
 
-    tare_time: float = 0.5  # s, in which the force sensor takes its zero
+    tare_time: float = 0.5  # s, of the tare of the force sensor
     approach_speed: float = 0.01  # m/s, of guarded moves
     contact_force: float = 4.0  # N, at which guarded moves end
     approach_limit: float = 0.02  # m, way without contact at which the approach has failed
-    beside: float  # m, along y, of where the face is felt, from where the plug goes in
+    beside: float
+    # m, along y, of the place where the plug touches the face, from where it goes in
     clearance: float = 0.0025  # m, over the face, of motions along it
-    maintained: float = 0.006  # m/s, towards the socket, of what keeps contact (stick)
+    maintained: float = 0.006  # m/s, towards the socket, that keeps contact (stick)
     limit_share: float = 2.5
-    # of the believed mating force, at which a push that moves nothing ends: jammed; no cap
+    # of the believed mating force, end of a push that moves nothing: jammed; no cap
     free_share: float = 0.68
-    # of the believed mating force, that it pushes with whether or not anything moves: 1.36 times
-    # the true one if that is half of what is believed
+    # of the believed mating force, push whether or not anything moves: 1.36 times the true one if
+    # that is half of what is believed
     tilted: tuple[float, float] = (0.09, 0.09)
-    # rad, about x and y since it lay on the face, of a plug that has jammed as it is out of line
+    # rad, about x and y since it lay on the face, of a plug that has jammed out of line
     straighten_gain: float = 5.0
-    # 1/s, with which it is turned back to how it lay on the face, and kept so as it is pulled out:
-    # a sensor whose place is off by 3 mm makes 0.1 N m of 40 N
+    # 1/s, with which it is turned back to its pose on the face, and held there during the pull: a
+    # sensor origin that is off by 3 mm makes 0.1 N m of 40 N
     retries: int = 3  # how often a state is tried again
-    out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
+    out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes the retention
     out_acceleration: float = 0.05
-    # m/s^2, of that: the pull grows by D times it in a second, until the plug comes off
+    # m/s^2, of that speed: the pull grows by D times it in a second, until the plug comes off
     retract: float = 0.03  # m, back from the socket after a failure
 
     NAME: ClassVar[str]  # of the skill
@@ -81,10 +82,10 @@ class FaceFeelingParams:
     def make_skill(
         self, connector: "Connector", *, period: float = TICK, before: Sequence[SkillState] = ()
     ) -> Skill:
-        """Return the skill, for a connector as it is believed to be.
+        """Return the skill, for a believed connector.
 
-        The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug, the
-        last one leads to ``tare``; without them it is held from the begin.
+        The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug; the
+        last one leads to ``tare``. Without them the plug is held from the start.
         """
         states = (*before, *self.states(connector, period))
         return Skill(
@@ -97,12 +98,12 @@ class FaceFeelingParams:
 
     @property
     def again(self) -> Retry:
-        """What follows where it is to be tried from the face again."""
+        """Next state of a failure that is tried again from the face."""
         return Retry("out", self.retries)
 
     @property
     def hold(self) -> Stick:
-        """Keeps contact, whatever happens."""
+        """Keeps contact in any case."""
         return Stick(speed=self.maintained, threshold=math.inf)
 
     def guarded(self, limit: float) -> GuardedMove:
@@ -110,26 +111,26 @@ class FaceFeelingParams:
         return GuardedMove(speed=self.approach_speed, threshold=self.contact_force, limit=limit)
 
     def seat(self, force: float, *, stands: float = math.inf, **fields: Any) -> Seat:
-        """Return a push by a believed mating force, N, with what the part ``stands``, N."""
+        """Return a push by a believed mating force, N, within what the part ``stands``, N."""
         given = {"tilt": self.tilted, **fields}
         limit = min(self.limit_share * force, stands)
         return Seat(limit=limit, free=self.free_share * force, **given)
 
     @property
     def upright(self) -> Hold:
-        """Turns back, softly, to how it was at its begin or at the mark."""
+        """Turns back, softly, to the pose of its begin or of the mark."""
         return Hold(axes=("rx", "ry"), gain=self.straighten_gain)
 
     def feel_face(
         self, *lie: Primitive, timeout: float, damping: tuple[float, ...], then: str
     ) -> tuple[SkillState, ...]:
-        """Return the states from ``tare`` on that feel the face, beside where the plug goes in.
+        """Return the states from ``tare`` on that touch the face beside the opening.
 
-        There nothing can drop in: how high the plug is on it, with the force that is maintained,
-        is the mark. They end over where the plug goes in, with a new zero of the force sensor.
-        ``lie`` runs while the plug lies on the face, until it is done, for the timeout, s, at
-        most; the damping is that of accommodation on the face. A plug that tips over is lifted,
-        turned back, and laid down once more.
+        The plug can't drop in there: its height on the face, with the maintained force, is the
+        mark. The states end over the opening, with a new tare of the force sensor. ``lie`` runs
+        while the plug lies on the face, until it is done, at most for the timeout, s; the damping
+        is that of accommodation on the face. A plug that tips over is lifted, turned back, and
+        laid down again.
         """
         tips = any("lost" in one.events for one in lie)
         found: Answers = {"done": "above"}
@@ -182,11 +183,11 @@ class FaceFeelingParams:
 
     @property
     def _above(self) -> Place:
-        """Goes over where the plug goes in, from the mark."""
+        """Goes over the opening, from the mark."""
         return Place(offset=(0.0, -self.beside, self.clearance))
 
     def at_least(self, name: str, depth: Way, on: Answers, *, timeout: float = 1.0) -> SkillState:
-        """Return the state that looks whether a plug at rest is that deep, from the mark."""
+        """Return the state that checks that a plug at rest is that deep, from the mark."""
         return SkillState(
             name=name, from_mark=True, run=[self.hold, depth], on=on, timeout=timeout
         )
@@ -197,18 +198,18 @@ class FaceFeelingParams:
         return self.pulled(Place(offset=(0.0, 0.0, self.retract)))
 
     def pulled(self, place: Place) -> Place:
-        """Return the way to a place with no more force than comes off."""
+        """Return the move to a place with no more force than is needed to come off."""
         return replace(place, speed=self.out_speed, acceleration=self.out_acceleration)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlugInsertionParams(FaceFeelingParams):
-    """Parameters of an insertion that searches by two dithers, as the paper's connectors do."""
+    """Parameters of an insertion with the paper's search by two dithers."""
 
     drop: float  # m, of a plug that drops in
-    search_press: float = 0.006  # m/s, towards the socket, while it is searched for
-    hold_gain: float = 10.0  # 1/s, with which the search keeps the plug upright
-    centring: float = 5.0  # 1/s, with which the search keeps its middle
+    search_press: float = 0.006  # m/s, towards the socket during the search
+    hold_gain: float = 10.0  # 1/s, with which the search holds the plug upright
+    centring: float = 5.0  # 1/s, with which the search holds its middle
     search_amplitude: float = 0.0022  # m, of each dither of the search
     search_frequency: float = 0.6  # Hz, of the search's slower dither
     search_repeats: int = 8  # cycles of it until the pattern repeats, N
@@ -225,9 +226,9 @@ class PlugInsertionParams(FaceFeelingParams):
 
     @property
     def searching(self) -> tuple[Primitive, ...]:
-        """The dithers of the search about where the plug is to go in, from the mark on.
+        """The dithers of the search around the believed opening, counted from the mark.
 
-        They are centred, the plug is kept upright, and pressed on until it drops in.
+        They are centred; the plug is held upright, and pressed on until it drops in.
         """
         x, y = self.search
         return (
@@ -241,7 +242,7 @@ class PlugInsertionParams(FaceFeelingParams):
 
 
 def tare(name: str, time: float, then: str) -> SkillState:
-    """Return the state in which the force sensor takes its zero for a time, s."""
+    """Return the state that tares the force sensor for a time, s."""
     return replace(moved(name, MoveDx(duration=time), then), tares=True)
 
 
@@ -255,9 +256,9 @@ def moved(name: str, motion: MoveDx, then: str) -> SkillState:
 def straightened(
     of: FaceFeelingParams, *, amplitude: float, back_off: float, then: str
 ) -> tuple[SkillState, ...]:
-    """Return the states from ``loosen`` on that straighten a plug that is tilted.
+    """Return the states from ``loosen`` on that straighten a tilted plug.
 
-    It is backed off by a way, m, rocked by an amplitude, rad, and turned back to how it lay on the
+    It is moved back by a way, m, rocked by an amplitude, rad, and turned back to its pose on the
     face.
     """
     rocks = Dither(kind="rotary", axis="x", amplitude=amplitude, cycles=2.0)
@@ -276,7 +277,7 @@ def straightened(
 def pull_test(
     on: Answers, *, speed: float, force: float, limit: float, timeout: float = 3.0
 ) -> SkillState:
-    """Return the state that pulls at what should hold: ``contact`` at a force, N, if it does."""
+    """Return the state of a retention test: ``contact`` at a force, N, if the plug is held."""
     pull = GuardedMove(direction="+z", speed=speed, threshold=force, limit=limit)
     return SkillState(name="pull", run=[pull], on=on, timeout=timeout)
 
@@ -289,13 +290,13 @@ def settled(hold: Stick, amplitude: float, cycles: float, then: str) -> SkillSta
 
 
 def shaking(axis: Axis, amplitude: float, frequency: float, *, longer_than: float) -> Dither:
-    """Return small turns, rad, that take friction off a push, and don't end within a time, s."""
+    """Return small turns, rad, that remove friction from a push and don't end within a time, s."""
     lasts = 2 * longer_than * frequency
     return Dither(kind="rotary", axis=axis, amplitude=amplitude, frequency=frequency, cycles=lasts)
 
 
 def cycles(*dithers: Dither, period: float) -> tuple[float, ...]:
-    """Return how long a cycle of each dither is, s, in whole periods."""
+    """Return the cycle time of each dither, s, in whole periods."""
     return tuple(round(1 / (dither.frequency * period)) * period for dither in dithers)
 
 
@@ -306,23 +307,23 @@ def up(way: float, duration: float) -> MoveDx:
 
 @dataclass(frozen=True, kw_only=True)
 class TouchParams(FaceFeelingParams):
-    """Parameters of an insertion that begins with an alignment by touch.
+    """Parameters of an insertion that begins with an alignment by contact.
 
-    A plug that is tilted in its gripper, beside a hole that it nearly fills, tips into it. So it
-    lies down where there is nothing but face, until accommodation has laid it flat; from there on,
-    until it has found its socket, it is turned by nothing.
+    A tilted plug beside a hole that it nearly fills tips into the hole. It therefore lies down on
+    the face beside the hole, until accommodation has laid it flat. From there on nothing turns it
+    until it has found its socket.
     """
 
-    maintained: float = 0.008  # m/s, towards the face, of what keeps contact
+    maintained: float = 0.008  # m/s, towards the face, that keeps contact
     tilted: tuple[float, float] = (0.03, 0.03)  # rad, since it lay flat on the face
-    lie_time: float = 4.0  # s, in which the plug lies down on the face
+    lie_time: float = 4.0  # s, for the plug to lie down on the face
     straighten_amplitude: float = 0.02  # rad, of the dithers about x and y that straighten it
     back_off: float = 0.00075  # m, up, of a plug that has jammed out of line
     entered: float = 0.001  # m, below the face, of a plug that went into its socket at once
     drop: float  # m, of a plug that has found its socket
     push_speed: float  # m/s, of the push at first; D times it is its force at rest
     end: float = 0.001  # m, before the mated depth, from which on a stop counts as the end
-    short: float = 0.00025  # m, that what is mated may seem to lack of its depth
+    short: float = 0.00025  # m, largest apparent lack of depth of a mated plug
 
     def laid_flat(self, *, then: str) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on until the plug is flat, above its socket."""
@@ -330,19 +331,19 @@ class TouchParams(FaceFeelingParams):
         return self.feel_face(lies, timeout=2 * self.lie_time, damping=_LYING, then=then)
 
     def straightened(self, then: str) -> tuple[SkillState, ...]:
-        """Return the states from ``loosen`` on that straighten a plug that is tilted."""
+        """Return the states from ``loosen`` on that straighten a tilted plug."""
         amplitude, back_off = self.straighten_amplitude, self.back_off
         return straightened(self, amplitude=amplitude, back_off=back_off, then=then)
 
     def at_depth(self, depth: float, then: str) -> SkillState:
-        """Return the state that looks how deep a plug at rest is, m."""
+        """Return the state that checks the depth of a plug at rest, m."""
         on: Answers = {"done": then, "jammed": self.again}
         return self.at_least("depth", Way(least=depth - self.short), on, timeout=2.0)
 
     def touched(self, *, search: str, found: str) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on until the plug is on the face over its socket.
 
-        There ``search`` follows; ``found`` where it has gone into its socket at once.
+        ``search`` follows there; ``found`` follows if the plug has gone into its socket at once.
         """
         return (
             *self.laid_flat(then="down"),
@@ -361,26 +362,26 @@ class TouchParams(FaceFeelingParams):
 class TiltSearchParams:
     """Parameters of the search by a tilted peg.
 
-    One point of the rim of a peg that leans is lowest, and for that point the opening is the whole
-    hole, not the clearance: it is in the hole even where the axis is off by much of the radius.
-    The peg slides that way until the point meets the wall, which is its place along that axis; a
-    dither across lets it go to the middle of the wall, which is its place along the other; then it
-    is stood up, pressed to the wall and down all the while.
+    A leaning peg has one lowest point of its rim. For that point the opening is the whole hole,
+    not the clearance: it is in the hole even if the axis is off by much of the radius. The peg
+    slides that way until the point meets the wall, which gives the place along that axis. A dither
+    across lets it go to the middle of the wall, which gives the place along the other axis. Then
+    the peg is set upright, pressed to the wall and down all the while.
 
-    Known of old: Bruyninckx, Dutre and De Schutter, "Peg-on-hole", ICRA 1995; Chhatpar and
+    Earlier work: Bruyninckx, Dutre and De Schutter, "Peg-on-hole", ICRA 1995; Chhatpar and
     Branicky, "Search strategies for peg-in-hole assemblies with position uncertainty", IROS 2001.
     """
 
     angle: float = math.radians(12)  # rad, about x
-    back: float = 0.004  # m, from where the hole is believed: more than the peg is off
-    lean_time: float = 0.6  # s, in which it leans over, in free space
-    speed: float = 0.008  # m/s, along the face, towards the point that is lowest
+    back: float = 0.004  # m, from the believed hole: more than the error of the peg
+    lean_time: float = 0.6  # s, of the lean, in free space
+    speed: float = 0.008  # m/s, along the face, towards the lowest point
     threshold: float = 8.0  # N, along the face, of a wall; more than friction
-    press: float = 0.005  # m/s, against the wall, of what keeps contact
+    press: float = 0.005  # m/s, against the wall, that keeps contact
     amplitude: float = 0.0016  # m, of the dither across
-    cycles: float = 2.0  # of it
-    frequency: float = 1.0  # Hz, of it
-    stand_time: float = 1.5  # s, in which it is stood up
+    cycles: float = 2.0  # of that dither
+    frequency: float = 1.0  # Hz, of that dither
+    stand_time: float = 1.5  # s, in which the peg is set upright
 
     def __post_init__(self) -> None:
         require_all_positive(self)
@@ -389,7 +390,7 @@ class TiltSearchParams:
 
     @property
     def dither(self) -> Dither:
-        """Across the way that it slides."""
+        """The dither across the direction of the slide."""
         return Dither(
             axis="x", amplitude=self.amplitude, frequency=self.frequency, cycles=self.cycles
         )
@@ -397,7 +398,7 @@ class TiltSearchParams:
     def states(self, touch: TouchParams, radius: float, *, found: str) -> tuple[SkillState, ...]:
         """Return the states from ``lean`` on, which begins over the hole, in free space.
 
-        ``found`` follows a peg in the hole, of a radius in m.
+        ``found`` follows for a peg in the hole, whose radius is in m.
         """
         again = touch.again
         low = radius * math.sin(self.angle)  # of the rim, below its middle

@@ -1,9 +1,9 @@
-"""Grasp and transport by sight, the first two phases of both strategies (section 4).
+"""Grasp and transport with cameras, the first two phases of both strategies (section 4).
 
-Source: Morrow, Nelson and Khosla: open, ``vis_xz`` to the grasp's set-point, close, and by sight
-to a point above the mate. The approach along y while ``vis_xz`` holds, and the lift, are
-reconstructed, as are all numbers, and what follows where the fingers close on nothing: they open
-and close again all around.
+Source: Morrow, Nelson and Khosla: open, ``vis_xz`` to the grasp's set-point, close, and with
+cameras to a point above the mate. The approach along y while ``vis_xz`` holds, and the lift, are
+reconstructed, as are all numbers. So is the retry of fingers that close on nothing: they open and
+close again all around.
 """
 
 import math
@@ -42,14 +42,14 @@ class GraspAndTransportParams:
     top: float | None = None
     # m, of the plug's upper end above its tip; None: derived, from its outline
     weight: float | None = None
-    # N, of the plug in the gripper, without which it is lost; None: derived, and 0, not weighed,
-    # where the fingers feel it
-    weighing_time: float = 2.0  # s, in which it is weighed, and before that the zero is taken
-    closing_time: float = 0.3  # s, that the fingers get to close
-    around: float = 0.0035  # m, to all sides, of where they close again if they hold nothing
+    # N, of the plug in the gripper; less than half of it means lost; None: derived, and 0, not
+    # weighed, for fingers that detect a part
+    weighing_time: float = 2.0  # s, of the weighing, and of the tare before it
+    closing_time: float = 0.3  # s, for the fingers to close
+    around: float = 0.0035  # m, to all sides, of the places where they close again after a miss
     lift: float = 0.025  # m, up, of the grasped plug before the transport
     speed: float = 0.05  # m/s, at most, of every motion
-    tolerance: float = 0.5  # pixels, error in each image that is small
+    tolerance: float = 0.5  # pixels, small error in each image
     timeout: float = 15.0  # s, of every state
 
     def __post_init__(self) -> None:
@@ -58,7 +58,7 @@ class GraspAndTransportParams:
         require_not_negative(self, "weight")
 
     def resolved(self, *, top: float, weight: float) -> "ResolvedGraspAndTransportParams":
-        """Return the parameters with these values where they leave them open."""
+        """Return the parameters with these values in the fields that are open."""
         found = {"top": top, "weight": weight}
         given = {name: value for name, value in vars(self).items() if value is not None}
         return ResolvedGraspAndTransportParams(**found | given)
@@ -80,7 +80,7 @@ def make_grasp_and_transport(
     above: tuple[float, float, float],
     then: str,
 ) -> tuple[SkillState, ...]:
-    """Return the states, ``above``, m, where the plug's tip is to be after the transport."""
+    """Return the states; ``above``, m, is the place of the plug's tip after the transport."""
     to_plug = VisTranslation(
         axes=("x", "z"),
         cameras=cameras,

@@ -1,4 +1,4 @@
-"""All that an insertion has between cameras, encoders and arms, as one law."""
+"""Everything that an insertion has between cameras, encoders and arms, as one law."""
 
 import math
 from collections import namedtuple
@@ -36,25 +36,25 @@ class InsertionControllerParams:
 
     stiffness: Array  # N/m, (3,), of the peg's arm along its command's axes
     R_WH: Array  # axes of the errors, x into the hole
-    peg_pose: Array  # that the peg should have at the gap
-    hole_pose: Array  # that the hole should have, or has, on a fixture
+    peg_pose: Array  # of the peg at the gap
+    hole_pose: Array  # commanded of the hole, or its fixed one on a fixture
     shares: Mapping[str, float]  # of the compensation, by arm; without "hole" it is on a fixture
-    motion: StraightMotion | None = None  # of the peg to the gap; None: it is there
+    motion: StraightMotion | None = None  # of the peg to the gap; None: it is there at the start
     initial_error: tuple[float, ...] = (0.0,) * 6  # m and rad, of the peg's commanded pose
 
 
 class ControllerState(NamedTuple):
-    """What one step hands to the next."""
+    """The state of the law between two steps."""
 
     watch: DivergenceState
     compensator: Any
     task: ChartState[InsertionMemory]
-    stopped: float = math.inf  # s, when the desired motion was
+    stopped: float = math.inf  # s, time at which the desired motion stopped
     time: float = 0.0  # s, of the step
 
 
 class ControllerObservation(NamedTuple):
-    """What cameras and encoders measure."""
+    """The measurements of cameras and encoders."""
 
     error: Array  # pixels and rad
     valid: Array
@@ -66,13 +66,16 @@ class ControllerObservation(NamedTuple):
 
 
 class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
-    """The compensation by sight and the task's chart, and what they make the arms do.
+    """Combines the compensation from cameras with the task's chart, and commands the arms.
 
-    It reads what :func:`chamfer.diagrams.insertion.insertion.make_insertion_diagram` measures by
-    cameras and encoders, and gives ``peg_pose`` and ``hole_pose``, (7,), quaternion w, x, y, z and
-    position, m, and ``peg_velocity``, (6,), rad/s and m/s, at which the peg's pose goes on until
-    the next step; the hole's does not. The rest says how it goes: ``peg_command``, the pose
-    before the feed, ``compensation``, m and rad, ``diverged``, and what the task says.
+    It reads the cameras and encoders of
+    :func:`chamfer.diagrams.insertion.insertion.make_insertion_diagram`. Its outputs:
+
+    - ``peg_pose`` and ``hole_pose``, (7,): quaternion w, x, y, z and position, m.
+    - ``peg_velocity``, (6,), rad/s and m/s: the peg's pose continues with it until the next step;
+      the hole's does not.
+    - ``peg_command``: the pose before the feed.
+    - ``compensation``, m and rad, ``diverged``, and the outputs of the task.
 
     Its ``laws`` are those of the measurement selector, the divergence watch, the compensation and
     the task, in this order, by the names of their blocks in the diagram.
@@ -117,9 +120,9 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
     def steps(
         self, state: ControllerState, seen: ControllerObservation, time: float
     ) -> tuple[ControllerState, dict[str, Record]]:
-        """Return the state after a step, and what each of the laws saw and answered in it.
+        """Return the state after a step, with the input and output of each law in it.
 
-        All step at once: each sees what the others held before.
+        All laws step at once: each sees the outputs that the others held before.
         """
         records: dict[str, Record] = {}
 
@@ -157,7 +160,7 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
         return after._replace(task=self.task.abort(state.task, seen, time))
 
     def command(self, state: ControllerState) -> Any:
-        """Return what is commanded at the time of a state, a named tuple."""
+        """Return the command at the time of a state, a named tuple."""
         params, told = self.params, self.task.command(state.task)
         compensation = np.array(self.compensator.command(state.compensator).compensation)
         pose, hole, velocity = params.peg_pose, params.hole_pose, np.zeros(6)

@@ -1,4 +1,4 @@
-"""When an insertion may begin: the measured errors, as sure as they are, and what wedges."""
+"""The decision to insert: the measured errors with their uncertainty, and the wedging limits."""
 
 import math
 from collections.abc import Sequence
@@ -24,12 +24,13 @@ _LOOKS: Final = 201  # lateral errors at which a region's tilts are known
 
 @dataclass(frozen=True, kw_only=True)
 class DecisionParams:
-    """When to insert."""
+    """Parameters of the decision to insert."""
 
     kind: DecisionKind = "margin"
-    # margin: as soon as the errors are; wait: after the compensation's time, whatever they are,
-    # as section 5 does; at_once: with the first frame
-    margin: float = 0.3  # of the region, that the errors with their uncertainty keep; assumed
+    # margin: as soon as the errors are small enough; wait: after the time of the compensation,
+    # whatever the errors are, as in section 5; at_once: with the first frame
+    margin: float = 0.3
+    # of the region, least distance of the errors with their uncertainty; assumed
     frames: int = 8  # over which errors are averaged and their spread is measured; assumed
     timeout: float = 8.0  # s, of aligning, after which it has failed; assumed
 
@@ -43,7 +44,7 @@ class DecisionParams:
 
 
 class MeasuredErrors(NamedTuple):
-    """Errors of alignment over some frames, and how sure they are."""
+    """Errors of alignment over some frames, with their uncertainty."""
 
     lateral: float  # m, distance of the tip from the hole's axis
     rotational: float  # rad, angle between the axes
@@ -54,7 +55,7 @@ class MeasuredErrors(NamedTuple):
 def measured_errors(frames: Sequence[Sequence[float]], pixel_size: float) -> MeasuredErrors:
     """Return the mean errors and twice their standard deviation over frames, at least one.
 
-    While the errors still change, the spread says so too. Each of the ``frames`` has the errors
+    Errors that still change increase the spread. Each of the ``frames`` has the errors
     along Y and Z, pixels, and about Y and Z, rad; ``pixel_size`` is in m.
     """
     n = len(frames)
@@ -76,8 +77,8 @@ def measured_errors(frames: Sequence[Sequence[float]], pixel_size: float) -> Mea
 class InsertionRegion:
     """The errors with which a peg finds its hole and does not wedge in it.
 
-    The planes of the lateral error and of the tilt, and their signs, are taken for the worst; the
-    parts are those that are believed, the support is what holds the peg against the hole.
+    The planes of the lateral error and of the tilt, and their signs, are the worst ones. The
+    parts are the believed ones; the support holds the peg against the hole.
     """
 
     def __init__(self, parts: PegHoleGeometry, support: Support) -> None:
@@ -96,7 +97,7 @@ class InsertionRegion:
         return np.interp(lateral, self.lateral, self.tilt)
 
     def margin(self, lateral: float, rotational: float) -> float:
-        """Return what is left of the limits, as a share of them; below zero outside; m and rad."""
+        """Return the distance to the limits, as a share of them; below zero outside; m and rad."""
         return float(self.margins(np.array(lateral), np.array(rotational)))
 
     def margins(self, lateral: Array, rotational: Array) -> Array:
@@ -105,7 +106,7 @@ class InsertionRegion:
         return np.minimum(1 - lateral / self.lateral_limit, tilt)
 
     def sure_margin(self, errors: MeasuredErrors) -> float:
-        """Return the margin of errors that are as large as their uncertainty lets them be."""
+        """Return the margin of the largest errors within their uncertainty."""
         return self.margin(
             errors.lateral + errors.lateral_uncertainty,
             errors.rotational + errors.rotational_uncertainty,

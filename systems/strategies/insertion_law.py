@@ -1,7 +1,7 @@
-"""The insertion's chart: approach, align, decide, insert, seated; and what to do if it is not.
+"""The insertion's chart: approach, align, decide, insert, seated; and the recovery from failures.
 
 Source: Ruybal, Lumia and Wood, section 5, proposes to stop the compensation as soon as the errors
-are inside the wedging limits and to insert then. States and rules around that are our own.
+are inside the wedging limits and to insert then. States and rules around that are added.
 """
 
 import math
@@ -37,7 +37,7 @@ _MOST_ATTEMPTS: Final = 100
 
 
 class InsertionTrouble(IntEnum):
-    """What stopped an attempt, as far as the chart can tell."""
+    """The cause that stopped an attempt, as far as the chart can tell."""
 
     NONE = 0
     WEDGED = 1  # in the bore, held when the push was taken away
@@ -67,30 +67,32 @@ WORDS: Final = (  # of each trouble, in the order of the numbers
 
 @dataclass(frozen=True, kw_only=True)
 class InsertParams:
-    """How the peg is inserted, and when it is enough.
+    """How the peg is inserted, and the limits that end an attempt.
 
-    Forces are those of the arm's own springs, by command and encoders, tared where the peg
-    begins to advance; the joints' dry friction makes them unsure by 1 N, in the worst of 50 runs
-    by 1.7 N.
+    Forces are those of the arm's own springs, by command and encoders, tared where the peg begins
+    to advance; the joints' dry friction makes them uncertain by 1 N, in the worst of 50 runs by
+    1.7 N.
     """
 
     compensation: Compensation = "running"
-    # running: errors are compensated during the advance too; frozen: as section 5 proposes
+    # running: errors are compensated during the advance too; frozen: stopped before it, as section
+    # 5 proposes
     freeze_depth: float | None = None
-    # m, of the tip below the mouth, from which on a running one is frozen; None: never
+    # m, of the tip below the mouth, from which a running one is frozen; None: never
     pause: float = 0.0  # s, from the decision to the advance
     speed: float | None = None
-    # m/s, of the feed; None: derived, 0.02, assumed, or as much slower as the clearance asks for
+    # m/s, of the feed; None: derived, 0.02, assumed, or slower as the clearance requires
     depth: float | None = None
     # m, commanded, of the tip below the mouth; None: derived, to where the bore ends
-    feed: float | None = None  # m, most; None: derived, until the push can be reached at the mouth
-    push: float = 8.0  # N, along the axis, with which the peg is stuck; assumed
-    pull: float = 12.0  # N, likewise, with which it is pulled out at most; assumed
-    force_limit: float = 15.0  # N, in any direction, with which all stops; assumed
-    hold_force: float = 2.0  # N, in any direction, beyond which nothing is compensated; assumed
-    bottom_force: float = 2.0  # N, along the axis, that tells the bottom where one is; assumed
+    feed: float | None = None  # m, most; None: derived, enough for the push at the mouth
+    push: float = 8.0  # N, along the axis, at which the peg counts as stuck; assumed
+    pull: float = 12.0  # N, along the axis, largest that pulls the peg out; assumed
+    force_limit: float = 15.0  # N, in any direction, at which everything stops; assumed
+    hold_force: float = 2.0  # N, in any direction, beyond which the compensation waits; assumed
+    bottom_force: float = 2.0
+    # N, along the axis, that detects the bottom of a blind hole; assumed
     held_force: float = 1.5  # N, of a pull, beyond the arms' own friction: wedged; assumed
-    rest: float = 0.2  # s, before it is said where the peg is; assumed
+    rest: float = 0.2  # s, before the place of the peg is judged; assumed
     attempts: int = 3  # before it gives up; assumed
 
     def __post_init__(self) -> None:
@@ -113,7 +115,7 @@ class InsertParams:
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedInsertParams(InsertParams):
-    """The same with nothing left open."""
+    """The same parameters with nothing left open."""
 
     speed: float
     depth: float
@@ -129,24 +131,24 @@ class InsertionTaskParams:
     region: InsertionRegion
     chamfer_height: float  # m, of both chamfers: above it the peg is at the mouth
     bottom: float = math.inf  # m, of a blind hole, below its mouth
-    gap: float = 0.03  # m, from tip to mouth where the peg is aligned
+    gap: float = 0.03  # m, from tip to mouth of the aligned peg
     pixel_size: float = 0.0005  # m
-    sight: tuple[float, float] = (0.0, 0.0)  # m and rad, that calibration leaves of every frame
-    begin: float = 1.5  # s, from when on the cameras count
+    sight: tuple[float, float] = (0.0, 0.0)  # m and rad, calibration error of every frame
+    begin: float = 1.5  # s, from when the cameras count
     wait: float = 2.5  # s, of decide.kind wait; section 5
     limits: tuple[float, ...] = (math.inf,) * 6  # m and rad, of the compensation
-    most_saturated: float = 0.5  # s, that a joint may be at its torque limit; assumed
+    most_saturated: float = 0.5  # s, longest time of a joint at its torque limit; assumed
     period: float = 1 / 80  # s, section 4
     search: TouchSearch | None = None
 
     @property
     def target(self) -> float:
-        """Depth of the tip that is wanted, m."""
+        """Reference depth of the tip, m."""
         return min(self.insert.depth, self.bottom)
 
 
 class InsertionInputs(NamedTuple):
-    """What the chart reads; each is measured by something that a real cell has."""
+    """Inputs of the chart; a real cell measures each of them."""
 
     error: Frame  # pixels and rad, by the cameras
     valid: Frame
@@ -160,13 +162,13 @@ class InsertionInputs(NamedTuple):
 
 
 class InsertionMemory(NamedTuple):
-    """What the chart remembers from tick to tick."""
+    """The memory of the chart from tick to tick."""
 
     feed: float = 0.0  # m, at that time
     rate: float = 0.0  # m/s
     time: float = 0.0  # s
     compensates: bool = True
-    tares: bool = True  # a sensor's zero may be taken: it is in free space, at rest
+    tares: bool = True  # whether a sensor may be tared: it is in free space, at rest
     along: bool = True  # the error along the axis too
     attempts: int = 0
     frames: tuple[Frame, ...] = ()  # the last valid ones
@@ -174,9 +176,9 @@ class InsertionMemory(NamedTuple):
     saturated_since: float = math.inf  # s
     zero: Vector3 = (0.0, 0.0, 0.0)  # N, tare
     mouth: float = 0.0  # m, advance by the encoders at which the tip is at the mouth
-    stopped: float = 0.0  # m, depth at which the attempt was stopped
-    came_out: float = 0.0  # m, that it came out as the push was taken away
-    pull: float = 0.0  # N, strongest, as it was withdrawn
+    stopped: float = 0.0  # m, depth at which the attempt stopped
+    came_out: float = 0.0  # m, displacement when the push was removed
+    pull: float = 0.0  # N, largest during the withdrawal
     trouble: InsertionTrouble = InsertionTrouble.NONE
     sensed_force: Vector3 = (0.0, 0.0, 0.0)  # N, tared, along the hole's axes
     sensed_depth: float = 0.0  # m, of the tip below the mouth
@@ -201,13 +203,13 @@ class InsertionMemory(NamedTuple):
         return self.search.began < math.inf
 
     def load(self, inputs: InsertionInputs) -> Vector3:
-        """Return what the arm pushes with along the hole's axes, N, tared."""
+        """Return the push of the arm along the hole's axes, N, tared."""
         x, y, z = (force - zero for force, zero in zip(inputs.force, self.zero, strict=True))
         return x, y, z
 
 
 def errors_across(frames: tuple[Frame, ...], pixel_size: float) -> MeasuredErrors:
-    """Return the errors that matter to an insertion, over frames of six axes."""
+    """Return the errors that matter for an insertion, over frames of six axes."""
     return measured_errors([(e[1], e[2], e[4], e[5]) for e in frames], pixel_size)
 
 
@@ -232,7 +234,7 @@ _GATE: Final = -0.004  # m, of depth, from where on the lateral error decides wh
 
 
 def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
-    """Return the chart; a peg that is not seated at last ends in a state that says why."""
+    """Return the chart; a peg that is not seated ends in a state that names the reason."""
     rules, decide, insert = _Rules(params), params.decide, params.insert
 
     def go(
@@ -304,7 +306,7 @@ _Part = tuple[
 
 
 def _search_states(rules: "_Rules", go: _Go) -> _Part:
-    """Return the states of the search by touch, if there is one, and the ways to and from them."""
+    """Return the states of the search by contact, if any, and the transitions to and from them."""
     search = rules.search
     if search is None:
         return [], []
@@ -358,13 +360,13 @@ def _blamed(trouble: InsertionTrouble) -> _Action:
 
 
 class _Rules:
-    """When the chart goes on, and what it does."""
+    """The guards and actions of the chart."""
 
     def __init__(self, params: InsertionTaskParams) -> None:
         self._params, self.search = params, params.search
 
     def _errors(self, frames: tuple[Frame, ...]) -> MeasuredErrors:
-        """Return the errors over frames, as unsure as they scatter and calibration leaves them."""
+        """Return the errors over frames, with the uncertainty of scatter and calibration."""
         errors, (lateral, turn) = (
             errors_across(frames, self._params.pixel_size),
             self._params.sight,
@@ -426,7 +428,7 @@ class _Rules:
         return at_gate and self.off_mouth(tick, further)
 
     def off_mouth(self, tick: InsertionTick, further: float = 0.0) -> bool:
-        """Whether the cameras say for sure that the tip is beside the mouth, by more than that."""
+        """Whether the cameras show for sure that the tip is off the mouth by more than that."""
         params = self._params
         window = tick.memory.window(tick.inputs, params.decide.frames)
         if not window:
@@ -465,7 +467,7 @@ class _Rules:
     def _observe(
         self, tick: InsertionTick, rate: float, offset_rate: Offset = STILL
     ) -> InsertionMemory:
-        """Go on with feed and offset, and remember what the sensors say."""
+        """Update feed and offset, and store the sensor values."""
         memory, inputs, params = tick.memory, tick.inputs, self._params
         limited = any(inputs.peg_saturated) or any(inputs.hole_saturated or ())
         return memory._replace(
@@ -491,7 +493,7 @@ class _Rules:
         return tick.memory._replace(frames=(), began=tick.time, errors=InsertionMemory().errors)
 
     def tare(self, tick: InsertionTick) -> InsertionMemory:
-        """Take the force for zero and the gap for what the cameras say that it is."""
+        """Tare the force, and set the gap to the cameras' value."""
         memory, inputs, params = tick.memory, tick.inputs, self._params
         window = memory.window(inputs, params.decide.frames)
         along = math.fsum(error[0] for error in window) / len(window)
@@ -533,7 +535,7 @@ class _Rules:
         return self._observe(tick, 0.0, aside)._replace(compensates=False)
 
     def withdraw(self, tick: InsertionTick) -> InsertionMemory:
-        """Go back to where the feed began, and further as long as the hole holds the peg."""
+        """Go back to the begin of the feed, and further as long as the hole holds the peg."""
         memory, insert, fed = tick.memory, self._params.insert, _fed(tick)
         speed = self._params.insert.speed
         pull = -memory.load(tick.inputs)[0]
@@ -548,13 +550,13 @@ class _Rules:
         )
 
     def _home(self, tick: InsertionTick) -> Offset:
-        """Return the rates with which an offset is taken back once the peg is off the face."""
+        """Return the rates that undo an offset once the peg is off the face."""
         if tick.memory.depth(tick.inputs) > _BEFORE / 2:
             return STILL
         return self._towards(tick, STILL, self._params.insert.speed)
 
     def _towards(self, tick: InsertionTick, aim: Offset, fastest: float) -> Offset:
-        """Return the rates to an offset, m/s and rad/s, all there at once, in a tick at best."""
+        """Return the rates to an offset, m/s and rad/s; all axes arrive together."""
         if self.search is None:
             return STILL
         period, params = self._params.period, self.search.params
@@ -569,13 +571,13 @@ class _Rules:
         return known("search", self.search)
 
     def lies(self, tick: InsertionTick) -> bool:
-        """Whether the peg lies on the face, or sits on the chamfers, and was not searching yet."""
+        """Whether the peg lies on the face, or sits on the chamfers, before a search."""
         memory, params, reach = tick.memory, self._touch.params, self._touch.reach
         within = -reach <= memory.depth(tick.inputs) <= self._params.chamfer_height + reach
         return memory.load(tick.inputs)[0] >= params.press and within and not memory.searched
 
     def begin_search(self, tick: InsertionTick) -> InsertionMemory:
-        """Take the place where the peg lies for the face."""
+        """Store the place of the peg as that of the face."""
         memory = tick.memory
         mouth = memory.mouth + memory.depth(tick.inputs)
         return memory._replace(mouth=mouth, search=SearchMemory(began=tick.time))
@@ -610,7 +612,7 @@ class _Rules:
         return tick.memory.search.spent >= lasts - TIME_TOLERANCE
 
     def rests(self, tick: InsertionTick) -> bool:
-        """Whether what was held goes in no further, and there is more to search."""
+        """Whether a held peg goes in no further, and there is more to search."""
         searches = tick.memory.searched and not self.covered(tick)
         return searches and self._pushed(tick) and not self.dropped(tick)
 
@@ -619,7 +621,7 @@ class _Rules:
         return tick.memory.load(tick.inputs)[0] >= most
 
     def sticks(self, tick: InsertionTick) -> bool:
-        """Whether what is in the mouth goes in no further."""
+        """Whether a peg in the mouth goes in no further."""
         inside = self._params.chamfer_height / 2 + _FREED
         return self._pushed(tick) and tick.memory.depth(tick.inputs) >= inside
 
@@ -632,7 +634,7 @@ class _Rules:
     def turn(self, tick: InsertionTick) -> InsertionMemory:
         """Turn about the tip on a spiral of tilts, pushed on, with no load across.
 
-        The skills straighten a plug by two dithers; a spiral begins where the tilt is now.
+        The skills straighten a plug by two dithers; a spiral begins at the present tilt.
         """
         memory, search, period = tick.memory, self._touch, self._params.period
         load, found = memory.load(tick.inputs), memory.search
@@ -712,7 +714,7 @@ class _Rules:
         return upright and tick.time_in_state >= self._touch.params.lean_time + _SETTLES
 
     def stop(self, tick: InsertionTick) -> InsertionMemory:
-        """Stop, but take a push or a pull away."""
+        """Stop, but remove a push or a pull."""
         insert, load = self._params.insert, tick.memory.load(tick.inputs)[0]
         rate = (
             math.copysign(self._params.insert.speed, -load)
@@ -737,7 +739,7 @@ class _Rules:
         return tick.memory._replace(stopped=stopped, trouble=InsertionTrouble.BESIDE)
 
     def judge(self, tick: InsertionTick) -> InsertionMemory:
-        """Say what held the peg, now that it is known how hard it came out."""
+        """Store the cause that held the peg, from the force of its withdrawal."""
         memory, params = tick.memory, self._params
         trouble = memory.trouble
         if trouble not in (InsertionTrouble.BESIDE, InsertionTrouble.NOT_FOUND):
@@ -751,12 +753,12 @@ class _Rules:
 
 
 def _fed(tick: InsertionTick) -> float:
-    """Return how far the feed is now, m."""
+    """Return the feed at this time, m."""
     return tick.memory.feed + tick.memory.rate * (tick.time - tick.memory.time)
 
 
 def _offset(tick: InsertionTick) -> Offset:
-    """Return how far aside the peg is now, m and rad."""
+    """Return the offset at this time, m and rad."""
     memory, time = tick.memory, tick.time - tick.memory.time
     if memory.offset_rate == STILL:
         return memory.offset

@@ -1,6 +1,6 @@
-"""How the peg looks for its hole by touch where sight and belief leave too much.
+"""The search for the hole by contact, for errors that cameras and belief leave.
 
-A spiral covers a disc about where the peg has touched. A peg that leans finds a hole that is off
+A spiral covers a disc around the place of the first touch. A leaning peg finds a hole that is off
 by less than about its radius: see
 :class:`chamfer.systems.strategies.face_and_search.TiltSearchParams`, which names the sources.
 """
@@ -37,30 +37,30 @@ _READ: Final[Mapping[SearchKind, tuple[str, ...]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SearchParams:
-    """How the hole is searched for where the peg lies on the face beside it.
+    """Parameters of the search for the hole while the peg lies on the face beside it.
 
-    A further attempt is turned by the golden angle: a spiral's tracks come to lie between those of
-    the attempts before, a peg leans the other way.
+    Each further attempt is turned by the golden angle. The tracks of a spiral then come to lie
+    between those of the attempts before, and a peg leans in another direction.
     """
 
     kind: SearchKind = "none"
-    # spiral: slides about where it touched; tilt: leans, slides to the wall, stands up; none
-    press: float = 3.0  # N, with which it is kept on the face; assumed
+    # spiral: slides around the first touch; tilt: leans, slides to the wall, stands up; none
+    press: float = 3.0  # N, that keeps it on the face; assumed
     speed: float = 0.008  # m/s, along the face; assumed
     drop: float | None = None
-    # m, that it goes in where the hole is; None: derived, the chamfers' height and 0.5 mm
+    # m, that it goes in at the hole; None: derived, the chamfers' height and 0.5 mm
     reach: float | None = None
-    # m, along the axis, by which the face may be elsewhere than is believed; None: derived
-    radius: float | None = None  # m, of the spiral; None: derived, as far as the hole may be off
+    # m, along the axis, largest error of the believed face; None: derived
+    radius: float | None = None  # m, of the spiral; None: derived, the largest error of the hole
     pitch: float | None = None
-    # m, of the spiral; None: derived, half of the capture's width: half is left to what is unsure
-    hold: float = 6.0  # N, across, that says that the hole holds it; assumed
-    widen: float = 0.25  # of the radius, by which a further attempt's is larger; assumed
-    angle: float = math.radians(10)  # rad, by which it leans; assumed
+    # m, of the spiral; None: derived, half of the capture's width: half is left to uncertainty
+    hold: float = 6.0  # N, across, that shows that the hole holds it; assumed
+    widen: float = 0.25  # of the radius, growth in each further attempt; assumed
+    angle: float = math.radians(10)  # rad, of the lean; assumed
     back: float | None = None
-    # m, from where the hole is believed to where it leans; None: derived, more than it is off
+    # m, from the believed hole to the place of the lean; None: derived, more than the error
     wall: float | None = None  # N, across, of the hole's wall; None: derived, more than friction
-    lean_time: float = 0.6  # s, in which it leans over, and in which it stands up; assumed
+    lean_time: float = 0.6  # s, of the lean, and of standing up; assumed
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", get_args(SearchKind))
@@ -71,20 +71,20 @@ class SearchParams:
             raise ParameterError("angle", self.angle, "0 < angle < pi/6 rad")
 
     def require_read(self) -> None:
-        """Refuse what this kind of search does not read."""
+        """Refuse parameters that this kind of search does not read."""
         names = [one for one in vars(self) if one != "kind" and one not in _READ[self.kind]]
         require_same(self, SearchParams, "search", *names, why=f"search.kind is {self.kind}")
 
     def over(
         self, parts: PegAndHole, *, error: float, push: float, reach: float, attempts: int
     ) -> "SearchParams":
-        """Return this with what is left open filled in, and checked.
+        """Return this search with its open fields filled in, and checked.
 
         Args:
-            parts: As they are believed.
-            error: How far the hole may be off across, m.
-            push: With which the peg is inserted at most, N.
-            reach: How far the face may be off along the axis, m.
+            parts: The believed parts.
+            error: Largest error of the hole across, m.
+            push: Largest push of the insertion, N.
+            reach: Largest error of the face along the axis, m.
             attempts: At most.
         """
         self.require_read()
@@ -139,7 +139,7 @@ _HOLDS: Final = 2.0  # N, across, of what holds it there; assumed
 
 
 class SearchMemory(NamedTuple):
-    """What a search remembers from tick to tick."""
+    """The memory of a search from tick to tick."""
 
     began: float = math.inf  # s; infinity: not in this attempt
     spent: float = 0.0  # s, on the spiral
@@ -152,19 +152,19 @@ class SearchMemory(NamedTuple):
 
 
 class TouchSearch:
-    """The motions of a search, of parameters that leave nothing open.
+    """The motions of a search, for parameters that leave nothing open.
 
     Loads are those of the peg on the hole, N, along the hole's axes, tared.
 
     Args:
         params: Of the search.
-        axial: Stiffness of what holds the peg along the axis, N/m.
+        axial: Stiffness of the peg's support along the axis, N/m.
         stiffness: The same across.
         drag: Most friction across, of the press and of the arm, N.
-        lag: In which what holds the peg gives way, s, of an admittance D / K; None: at once.
+        lag: Time constant of an admittance D / K, s, of the peg's support; None: at once.
         damping: Of an admittance, N s/m: a load that is followed faster is one of damping.
-        tip: How far the rim of a peg that leans is ahead of the middle of its tip, m.
-        turn: How far the hole may be tilted, rad.
+        tip: Distance of the leaning peg's rim ahead of the middle of its tip, m.
+        turn: Largest tilt of the hole, rad.
     """
 
     def __init__(
@@ -201,11 +201,11 @@ class TouchSearch:
 
     @property
     def way(self) -> float:
-        """How far the command of a peg that leans slides at most, m, springs and all."""
+        """The largest slide of a leaning peg's command, m, springs included."""
         return 3 * self.reaches + self.wall / self._stiffness
 
     def press_rate(self, load: float, fastest: float, times: float = 1.0) -> float:
-        """Return the feed's rate that keeps the press, m/s; what does not touch goes on fast."""
+        """Return the feed's rate that keeps the press, m/s; without contact it is fast."""
         press = times * self.params.press
         lost = max(0.0, 1 - load / (_LOST * press))
         return max(-fastest, min(fastest, self._follow * (press - load) + lost * fastest))
@@ -213,9 +213,10 @@ class TouchSearch:
     def lead(
         self, before: Across, load: tuple[float, float, float], period: float, turning: float
     ) -> Across:
-        """Return how far the command is to be ahead: what holds the peg gives way by as much.
+        """Return the lead of the command: the deflection of the peg's support.
 
-        Springs are unsteady to read: over some ticks, in axes that turn, rad, with the spiral.
+        Readings of springs are noisy: they are averaged over some ticks, in axes that turn, rad,
+        with the spiral.
         """
         if self._lag is None:
             before = turned(before, turning)
@@ -237,23 +238,23 @@ class TouchSearch:
         return turned((1.0, 0.0), _TURN * (attempt - 1))
 
     def leaning(self, attempt: int) -> Offset:
-        """Return the offset of a peg that leans, where it begins to slide."""
+        """Return the offset of a leaning peg at the begin of the slide."""
         (y, z), back, angle = self.along(attempt), self.reaches, self.params.angle
         return -back * y, -back * z, angle * z, -angle * y
 
     def relax(self, load: tuple[float, float, float]) -> Across:
-        """Return the rates, m/s, that take a load across away."""
+        """Return the rates, m/s, that remove a load across."""
         y, z = (-self._aside * force for force in load[1:])
         scale = min(1.0, self.params.speed / speed) if (speed := math.hypot(y, z)) else 1.0
         return scale * y, scale * z
 
     def slide(self, attempt: int, load: tuple[float, float, float]) -> Across:
-        """Return the rates, m/s, of a peg that leans, as soon as it is pressed."""
+        """Return the rates, m/s, of a leaning peg, as soon as it is pressed."""
         (y, z), speed = self.along(attempt), self.params.speed
         return (speed * y, speed * z) if load[0] >= _SLIDING * self.params.press else (0.0, 0.0)
 
     def press_to_wall(self, attempt: int, load: tuple[float, float, float]) -> Across:
-        """Return the rates, m/s, that keep a load towards the wall, and take the one along it."""
+        """Return the rates, m/s, that keep a load towards the wall and remove the one along it."""
         (y, z), relaxed = self.along(attempt), self.relax(load)
         rate = self._aside * (self.wall - self.pushed(attempt, load))
         rate = max(-self.params.speed, min(self.params.speed, rate))
@@ -261,13 +262,13 @@ class TouchSearch:
         return rate * y - across * z, rate * z + across * y
 
     def proof(self, held: int, load: tuple[float, float, float]) -> tuple[Across, bool]:
-        """Return the rates, m/s, of the next way aside, and whether something holds there."""
+        """Return the rates, m/s, of the next test aside, and whether something holds there."""
         y, z = turned((1.0, 0.0), 2 * math.pi / _WAYS * held)
         speed = self.params.speed
         return (speed * y, speed * z), y * load[1] + z * load[2] >= _HOLDS
 
     def proven(self, held: int) -> bool:
-        """Return whether it was held in all ways, as in a hole."""
+        """Return whether the peg was held in all directions, as in a hole."""
         return held >= _WAYS
 
     def pushed(self, attempt: int, load: tuple[float, float, float]) -> float:

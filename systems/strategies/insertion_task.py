@@ -10,7 +10,7 @@ from chamfer.systems.strategies.insertion_law import (
 
 
 class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
-    """Decides when the peg is inserted, how far it is fed, and whether it is in.
+    """Decides when to insert the peg, how far to feed it, and whether it is in.
 
     .. pydrake_system::
 
@@ -37,19 +37,31 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
         - trouble
         - state
 
-    ``error``, ``valid`` and ``blind`` are those of the cameras, ``compensation``, shape (6,), m
-    and rad, what has been made of them, ``diverged`` that of
-    :class:`chamfer.systems.servo.divergence_watch.DivergenceWatch`; ``force`` and ``advance`` are
-    those of :class:`chamfer.systems.force.impedance_controller.SpringForce`, ``<arm>_saturated``,
-    of each joint, those of the impedance controllers. ``feed`` and ``offset``, of a search, go to
-    :class:`chamfer.systems.force.desired_pose.FeedOffset`; ``tares`` is 1 in free space, where a
-    force sensor takes its zero, ``compensates``, shape (2,), goes to
-    :class:`chamfer.systems.servo.measurement_selector.MeasurementSelector`. ``errors``, shape
-    (4,), are the last :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0
-    before there are any; ``sensed_force``, shape (3,), N, along the hole's axes, and
-    ``sensed_depth``, m, are what the arm knows of the contact, tared where the advance began;
-    ``trouble`` is the :class:`chamfer.systems.strategies.insertion_law.InsertionTrouble` of the
-    attempt. Nothing is connected to ``hole_saturated`` where the hole is no arm's.
+    Inputs:
+
+    - ``error``, ``valid`` and ``blind``: those of the cameras.
+    - ``diverged``: that of :class:`chamfer.systems.servo.divergence_watch.DivergenceWatch`.
+    - ``compensation``, shape (6,), m and rad: the compensation so far.
+    - ``force`` and ``advance``: those of
+      :class:`chamfer.systems.force.impedance_controller.SpringForce`.
+    - ``<arm>_saturated``, of each joint: those of the impedance controllers. Leave
+      ``hole_saturated`` unconnected for a hole on a fixture.
+
+    Outputs:
+
+    - ``feed`` and ``offset``, of a search: for
+      :class:`chamfer.systems.force.desired_pose.FeedOffset`.
+    - ``compensates``, shape (2,): for
+      :class:`chamfer.systems.servo.measurement_selector.MeasurementSelector`.
+    - ``tares``: 1 in free space, where a force sensor can be tared.
+    - ``attempts``: their number so far.
+    - ``errors``, shape (4,): the last
+      :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0 before the first.
+    - ``sensed_force``, shape (3,), N, along the hole's axes, and ``sensed_depth``, m: the contact
+      as the arm measures it, tared where the advance began.
+    - ``trouble``: the :class:`chamfer.systems.strategies.insertion_law.InsertionTrouble` of the
+      attempt.
+    - ``state``: index of the chart's state.
     """
 
     def __init__(self, params: InsertionTaskParams, *, peg_joints: int, hole_joints: int) -> None:

@@ -1,8 +1,8 @@
-"""The strategy that inserts a round peg: alignment by touch, a search, and a push to the bottom.
+"""The strategy that inserts a round peg: alignment by contact, a search, and a push to the bottom.
 
-Not of the paper; its primitives are. The peg is laid flat on the face beside the hole, where it
-can't tip in, and is carried back over it as it is turned then. It searches for the hole along the
-face, by the paper's two dithers or along a spiral, or with a peg that leans.
+It is not in the paper; its primitives are. The peg is laid flat on the face beside the hole, where
+it can't tip in, and is carried back over the hole without turning. It searches for the hole along
+the face, by the paper's two dithers, along a spiral, or with a leaning peg.
 """
 
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ Search = Literal["dithers", "spiral", "tilt"]
 class PegInHoleSkillParams(TouchParams):
     """Parameters of the insertion; all of them are assumed."""
 
-    beside: float = 0.017  # m, where also a peg that is off has the hole on one side alone
-    search: Search = "dithers"  # along two sines, as the paper has it, along a spiral, or tilted
+    beside: float = 0.017  # m, at which even a peg with an error has the hole on one side alone
+    search: Search = "dithers"  # along two sines, as in the paper, along a spiral, or tilted
     amplitude: float = 0.0035  # m, of each dither of the search
     frequency: float = 0.6  # Hz, of the search's slower dither
     repeats: int = 11  # cycles of it until the pattern repeats, N
@@ -34,10 +34,8 @@ class PegInHoleSkillParams(TouchParams):
     # m, m and m/s, in place of the dithers
     tilt: TiltSearchParams = TiltSearchParams()  # of the peg, in place of the dithers
     drop: float = 0.0008  # m, of a peg that has found the hole
-    limit_share: float = 1.25
-    # of the believed seating force, at which a push that moves nothing ends: jammed; no cap
-    out_speed: float = 0.04
-    # m/s, of a peg that is pulled out, which takes less than to push it in
+    limit_share: float = 1.25  # the seating force instead of the mating force
+    out_speed: float = 0.04  # m/s, less than for the push
     push_speed: float = 0.011  # m/s, of the push at first; D times it is its force at rest
 
     NAME: ClassVar[str] = "peg in a hole"
@@ -55,7 +53,7 @@ class PegInHoleSkillParams(TouchParams):
         return (*self.touched(search="search", found="insert"), self.along_face(found="insert"))
 
     def along_face(self, *, found: str) -> SkillState:
-        """Return the state that searches for the hole along the face, from over it."""
+        """Return the state that searches for the hole along the face, beginning over it."""
         motions, time = self._along
         return SkillState(
             name="search",
@@ -67,7 +65,7 @@ class PegInHoleSkillParams(TouchParams):
 
     @property
     def _along(self) -> tuple[tuple[Primitive, ...], float]:
-        """Motions of a search along the face, and how long they take, s."""
+        """Return the motions of a search along the face, and their duration, s."""
         if self.search == "spiral":
             return (self.spiral,), self.spiral.duration
         first = Dither(axis="x", amplitude=self.amplitude, frequency=self.frequency)
@@ -85,7 +83,7 @@ class PegInHoleSkillParams(TouchParams):
         )
 
     def pushed(self, force: float, depth: float, *, then: str) -> tuple[SkillState, ...]:
-        """Return the states that push to a depth, m, what takes a force of that size, N."""
+        """Return the states that push to a depth, m, with a needed force of that size, N."""
         insert = SkillState(
             name="insert",
             from_mark=True,

@@ -1,8 +1,8 @@
-"""The strategy that inserts an RJ45 plug: alignment by touch, a search, a push, and a pull.
+"""The strategy that inserts an RJ45 plug: alignment by contact, a search, a push, and a pull.
 
-Not of the paper; its primitives are, and so is the course of the D connector's insertion, which
-it follows: dithers find the cavity, small turns settle the plug, a push seats it. What it adds is
-the alignment by touch, and that the latch has to hold when the plug is pulled.
+It is not in the paper; its primitives are, and so is the sequence of the D connector's insertion:
+dithers find the cavity, small turns settle the plug, a push seats it. The alignment by contact is
+added, and the test that the latch holds when the plug is pulled.
 """
 
 import math
@@ -33,7 +33,7 @@ class Rj45ConnectorSkillParams(TouchParams):
 
     beside: float = 0.0125  # m, to the side of the contacts, on the plate
     search: Spiral = Spiral(speed=0.004, pitch=0.0006, radius=0.0045)
-    # m/s, m and m: the clearance is small, so it is slow and its turns are close
+    # m/s, m and m: slow and with a small pitch, because the clearance is small
     drop: float = 0.0005  # m, of a plug that has found the cavity
     settle_amplitude: float = 0.01  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 2.0  # of the dithers that settle the plug
@@ -42,14 +42,14 @@ class Rj45ConnectorSkillParams(TouchParams):
     shake_frequency: float = 4.0  # Hz, of the one about x
     push_growth: float = 1.1  # of the push's speed, per window in which nothing moves
     push_still: float = 2e-5  # m, per window: less is no motion; a latch's ramp gives way slowly
-    limit_share: float = 3.4  # as a push that only the wrist seems to move ends there
+    limit_share: float = 3.4  # a push that only the wrist makes appear to move ends there
     contacts_share: float = 1.05
-    # of the believed mating force, that it pushes with where the contacts are bent, moved or not:
-    # those of a plug that takes much more than believed
-    around: float = 0.0007  # m, from the depth of the contacts, where that may be
+    # of the believed mating force, push where the contacts are bent, moved or not: the contacts of
+    # a plug that needs much more than believed
+    around: float = 0.0007  # m, range around the depth of the contacts
     pull_speed: float = 0.006  # m/s, of the pull that tests the latch
-    pull_force: float = 4.0  # N, that the latch has to hold
-    pull_limit: float = 0.001  # m, way after which the pull has found no hold
+    pull_force: float = 4.0  # N, that the latch has to withstand
+    pull_limit: float = 0.001  # m, pull after which the latch doesn't hold
     rest_time: float = 0.3  # s, in which the plug goes back to its stop
 
     NAME: ClassVar[str] = "RJ45 connector"

@@ -1,4 +1,4 @@
-"""States that belong together, by names: what skills in files take of the strategies here."""
+"""Groups of states by name: the parts of the strategies that skill files can use."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -19,11 +19,11 @@ _SEARCH: Final = "maintained drop retries "
 
 
 class StateGroup(NamedTuple):
-    """States that are used by the name of the group, and what is said of them there."""
+    """States that skill files use by the name of the group, and the arguments of the group."""
 
     params: type[Peg] | type[Plug]
-    fields: str  # of the parameters, with spaces between: arguments that have their defaults
-    exits: str  # likewise: arguments that are what follows, states
+    fields: str  # of the parameters, with spaces between: arguments with their defaults
+    exits: str  # with spaces between: arguments that are the following states
     make: Callable[..., Sequence[SkillState]]  # of the parameters, the exits and the sizes
     sizes: Mapping[str, str] = {}  # further arguments, with their units
 

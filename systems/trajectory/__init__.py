@@ -1,1 +1,1 @@
-"""Trajectories: paths with finite acceleration and continuous velocity, and who follows them."""
+"""Trajectories: paths with finite acceleration and continuous velocity, and their follower."""

@@ -1,4 +1,4 @@
-"""The block that goes along segments, one after the other, and can be halted at any instant."""
+"""A block that follows segments, one after the other, and can be halted at any instant."""
 
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -19,9 +19,9 @@ class PathFollowerParams:
     """Parameters of :class:`PathFollower`."""
 
     period: float = 0.005  # s, sample period; thesis, section 1.1.2
-    halt_time: float = 0.25  # s, in which a halt comes to rest, and back to speed; assumed
-    acceleration: float = 1.0  # m/s^2, of a segment that gives none; assumed
-    turn_speed: float = 1.0  # rad/s, of each angle, of a segment that gives none; assumed
+    halt_time: float = 0.25  # s, to come to rest in a halt, and back to speed; assumed
+    acceleration: float = 1.0  # m/s^2, of a segment without its own; assumed
+    turn_speed: float = 1.0  # rad/s, of each angle, of a segment without its own; assumed
     turn_acceleration: float = 4.0  # rad/s^2, of each angle along lines and circles; assumed
 
     def __post_init__(self) -> None:
@@ -29,14 +29,14 @@ class PathFollowerParams:
 
 
 class FollowerMemory(NamedTuple):
-    """What one period of the follower hands to the next; its discrete states."""
+    """The discrete states of the follower."""
 
-    segment: Array  # (SIZE,), the one that is followed
+    segment: Array  # (SIZE,), that is followed
     path_time: Array  # (1,), s, since its start, slower than time during a halt
     rate: Array  # (1,), of the path's time, 0 halted to 1
-    offset: Array  # (7,), m and rad, of the position before from the segment's start
-    drift: Array  # (7,), m/s and rad/s, of the velocity before
-    settling: Array  # (1,), s, in which offset and drift are taken back
+    offset: Array  # (7,), m and rad, of the last position from the segment's start
+    drift: Array  # (7,), m/s and rad/s, last velocity
+    settling: Array  # (1,), s, in which offset and drift are removed
     desired_position: Array  # (7,), m and rad
     desired_velocity: Array  # (7,), m/s and rad/s
     desired_acceleration: Array  # (7,), m/s^2 and rad/s^2
@@ -44,7 +44,7 @@ class FollowerMemory(NamedTuple):
 
 
 class PathFollower(LeafSystem):
-    """Gives the position and velocity that lie on a segment.
+    """Follows segments with continuous position and velocity, and halts on the path.
 
     .. pydrake_system::
 
@@ -58,23 +58,28 @@ class PathFollower(LeafSystem):
         - desired_acceleration
         - progress
 
-    ``segment``, shape (SIZE,), see :class:`chamfer.systems.trajectory.segment.Segment`, is begun
-    when its id changes. Whatever the one before was doing, position and velocity go on
-    without a jump: what they lack to the new segment's start is taken back by a cubic in time,
-    whose acceleration is at most the segment's and adds to that of the segment itself.
+    Inputs:
 
-    While ``halt``, size 1, is not 0, the path's time slows down to a stand; afterwards it comes
-    back to speed. The endpoint stays on its path meanwhile, and the velocity is continuous.
+    - ``segment``, shape (SIZE,): see :class:`chamfer.systems.trajectory.segment.Segment`. A change
+      of its id begins the segment. Position and velocity continue without a jump from any motion
+      before. A cubic in time removes the difference to the new segment's start. Its acceleration
+      is at most the segment's, and adds to that of the segment itself.
+    - ``halt``, size 1: while it is not 0, the path's time slows down to a stop, and afterwards
+      returns to speed. The endpoint stays on its path, and the velocity is continuous.
 
-    ``desired_position``, shape (7,), m and rad; ``desired_velocity``, shape (7,), its derivative;
-    ``desired_acceleration``, shape (7,), by how much that has changed over the last period;
-    ``progress``, size 1, from 0 to 1, where the segment is ended and at rest. All are held over
-    the period. The update is a discrete one, which Drake runs after the unrestricted ones of the
-    same instant: a segment that a state machine gives is begun in its tick.
+    Outputs, held over the period:
+
+    - ``desired_position``, shape (7,), m and rad.
+    - ``desired_velocity``, shape (7,): its derivative.
+    - ``desired_acceleration``, shape (7,): the change of the velocity over the last period.
+    - ``progress``, size 1: from 0 to 1, where the segment is ended and at rest.
+
+    The update is a discrete one, which Drake runs after the unrestricted ones of the same instant.
+    A segment from a state machine therefore begins in the tick of the machine.
 
     Args:
         params: Period and limits.
-        start: Where to stay before the first segment, m and rad, shape (7,).
+        start: The place before the first segment, m and rad, shape (7,).
 
     Raises:
         ParameterError: If an input is not finite, or a segment can't be followed.

@@ -1,4 +1,4 @@
-"""The paths of segments, and how far along one is at a time: from rest to rest."""
+"""The paths of segments, and the place on them at a time: from rest to rest."""
 
 import math
 from collections.abc import Callable
@@ -54,9 +54,9 @@ def trapezoid(speed: float, acceleration: float) -> tuple[float, Profile]:
 
 
 def quintic(part: float) -> tuple[float, float]:
-    """Return how far, 0 to 1, and its derivative, at a part of the time, 0 to 1.
+    """Return the place, 0 to 1, and its derivative, at a part of the time, 0 to 1.
 
-    At rest and without acceleration at both ends; beyond them it stays where it is.
+    At rest and without acceleration at both ends; beyond them it stays there.
     """
     u = min(max(part, 0.0), 1.0)
     return u**3 * (10 + u * (6 * u - 15)), 30 * (u * (1 - u)) ** 2
@@ -64,10 +64,10 @@ def quintic(part: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Path:
-    """A way from rest to rest."""
+    """A motion from rest to rest."""
 
     duration: float  # s
-    at: Callable[[float], Motion]  # a time, s, behind the duration: the end
+    at: Callable[[float], Motion]  # a time, s; after the duration: the end
 
 
 def _slew(start: Array, way: Array, via: float, duration: float) -> Path:
@@ -93,10 +93,10 @@ def _slew(start: Array, way: Array, via: float, duration: float) -> Path:
 
 
 def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
-    """Return the way of a segment; all coordinates move in proportion, but on a circle.
+    """Return the path of a segment; all coordinates move in proportion, but on a circle.
 
     Args:
-        segment: What is wanted; acceleration and turn_speed as wanted too.
+        segment: Reference segment, with its reference acceleration and turn_speed.
         turn_acceleration: rad/s^2, of each angle along a line or a circle, at most.
 
     Raises:

@@ -1,4 +1,4 @@
-"""A segment of a trajectory: what the chart of a task asks for, as a vector of fixed size."""
+"""A segment of a trajectory: the motion that a chart requests, as a vector of fixed size."""
 
 import math
 from typing import Final, NamedTuple
@@ -22,9 +22,9 @@ VELOCITY: Final = ("m/s",) * 3 + ("rad/s",) * 4
 class Segment(NamedTuple):
     """One motion of the endpoint vector from ``start`` to ``goal``, from rest to rest.
 
-    Line and circle cover the way of the point in space with ``speed``; the other coordinates move
-    in proportion to it. If these take longer at ``turn_speed``, or where the point stays, they
-    set the time. The acceleration of any kind also limits how the motion before it is left.
+    On a line or circle the point moves in space with ``speed``; the other coordinates move in
+    proportion to it. If these need longer at ``turn_speed``, or if the point stays, they set the
+    time. The acceleration of any kind also limits the transition from the motion before it.
     """
 
     id: float  # changes with each new segment
