@@ -1,6 +1,6 @@
 """The cell from the side as an inline SVG, with the part marked that limits a design."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ STYLE: Final = """
   font: 15px system-ui, sans-serif; }
 .cell text { fill: var(--soft); }
 .cell .part { fill: none; stroke: #6e7781; stroke-width: 2; stroke-linejoin: round; }
-.cell .solid { fill: #fff; }
+.cell .solid { fill: var(--paper); }
 .cell .peg .solid { fill: #e8b4b4; }
 .cell .hole { fill: #b9c4ea; stroke: #6e7781; stroke-width: 2; }
 .cell .light { stroke: var(--line); stroke-dasharray: 3 4; fill: none; }
@@ -22,6 +22,8 @@ STYLE: Final = """
   stroke-linejoin: round; stroke-linecap: round; }
 .cell .leader { fill: none; stroke: var(--limit); stroke-width: 1.5; }
 .cell .limit { fill: var(--limit); font-weight: 700; }
+.cell .size { fill: none; stroke: var(--soft); stroke-width: 1.2; }
+.cell text.inside { fill: #1f2328; }
 """
 
 _PART_OF: Final = {
@@ -76,6 +78,15 @@ _SCENE: Final = (
     '<path class="part" d="M40 38 V158 m-5 -7 l5 8 l5 -8"/><path class="part" d="M10 200 H450"/>'
 )
 
+_SECTION: Final = (
+    '<path class="hole" d="M236 14 H400 V126 H236 V110 L246 100 H350 V40 H246 L236 30 Z"/>'
+    '<g class="part peg"><path class="solid" d="M30 44 H188 L194 50 V90 L188 96 H30"/></g>'
+    '<path class="size" d="M194 40 V12 M236 12 V8 M194 18 H236 m-6 -4 l6 4 l-6 4 M200 14 l-6 4 '
+    "l6 4 M236 130 V146 M350 104 V146 M236 140 H350 m-6 -4 l6 4 l-6 4 M242 136 l-6 4 l6 4 "
+    'M214 116 L240 107"/>'
+)
+"""Peg and hole in section, with the lines of the dimensions."""
+
 Document = Mapping[str, Any]
 
 
@@ -118,15 +129,37 @@ def cell_picture(document: Document) -> str:
             "",
         ),
     ]
-    texts = "".join(
-        f'<text class="{kind}" x="{x}" y="{y}" text-anchor="{anchor}">{escape(text)}</text>'
-        for x, y, anchor, text, kind in words
-    )
     colour = "var(--no)" if _outside(limiting) else "var(--certain)"
+    section, height = (_section(cell), 428) if "parts" in cell else ("", 256)
     said = escape(f"the cell from the side, {limiting['name']} limits", quote=True)
     return (
-        f'<svg class="cell" style="--limit: {colour}" viewBox="0 0 460 256" role="img" '
-        f'aria-label="{said}">{"".join(drawn)}{texts}</svg>'
+        f'<svg class="cell" style="--limit: {colour}" viewBox="0 0 460 {height}" role="img" '
+        f'aria-label="{said}">{"".join(drawn)}{section}{_texts(words)}</svg>'
+    )
+
+
+def _section(cell: Document) -> str:
+    """Return peg and hole in section with their dimensions, not to scale."""
+    parts, insert = cell["parts"], cell["insert"]
+    sign = "⌀ " if parts["section"] == "round" else ""
+    peg, hole = (2 * parts[f"{name}_radius"] for name in ("peg", "hole"))
+    clearance = quantity((hole - peg) / 2, "m")
+    words = [
+        (110, 75, "middle", f"{sign}{quantity(peg, 'm')}", "inside"),
+        (298, 75, "middle", f"{sign}{quantity(hole, 'm')}", ""),
+        (186, 24, "end", f"gap {quantity(cell['gap'], 'm')}", ""),
+        (208, 122, "end", f"chamfer {quantity(parts['chamfer_width'], 'm')}", ""),
+        (293, 160, "middle", f"depth {quantity(insert['depth'], 'm')}", ""),
+        (16, 160, "start", f"radial clearance {clearance}", ""),
+        (450, 160, "end", "not to scale", ""),
+    ]
+    return f'<g transform="translate(0 262)">{_SECTION}{_texts(words)}</g>'
+
+
+def _texts(words: Iterable[tuple[int, int, str, str, str]]) -> str:
+    return "".join(
+        f'<text class="{kind}" x="{x}" y="{y}" text-anchor="{anchor}">{escape(text)}</text>'
+        for x, y, anchor, text, kind in words
     )
 
 

@@ -14,6 +14,7 @@ from chamfer.analysis.design.design_words import (
     change_sentence,
     effective,
     ending_sentences,
+    kept_by_design,
     limit_sentence,
     link_cells,
     map_sentence,
@@ -27,9 +28,13 @@ from chamfer.analysis.design.design_words import (
 STYLE: Final = """
 @page { size: A4; margin: 9mm 10mm; }
 :root { --line: #d0d7de; --soft: #57606a; --tint: #f6f8fa; --certain: #1b4f9c;
-  --likely: #8a6100; --no: #b5482a; }
+  --likely: #8a6100; --no: #b5482a; --ink: #1f2328; --paper: #fff; color-scheme: light dark; }
+@media screen and (prefers-color-scheme: dark) {
+  :root { --line: #3d444d; --soft: #9ba5b0; --tint: #1c2128; --certain: #6fa0e8;
+    --likely: #e0b000; --no: #f08060; --ink: #e6edf3; --paper: #0d1117; }
+}
 * { box-sizing: border-box; print-color-adjust: exact; -webkit-print-color-adjust: exact; }
-body { font: 14px/1.4 system-ui, sans-serif; color: #1f2328; background: #fff;
+body { font: 14px/1.4 system-ui, sans-serif; color: var(--ink); background: var(--paper);
   max-width: 62rem; margin: 0 auto; padding: 1rem; }
 h1 { font-size: 1.5em; line-height: 1.2; margin: 0 0 .2em; }
 h3 { font-size: 1.05em; margin: .9em 0 .2em; }
@@ -46,12 +51,12 @@ th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; }
 .links td:nth-child(6) { min-width: 4em; }
 .links td:last-child { color: var(--soft); font-size: .88em; width: 44%; }
 .limits td { background: var(--tint); }
-.limits td:first-child { font-weight: 700; border-left: 4px solid #1f2328; padding-left: .4em; }
+.limits td:first-child { font-weight: 700; border-left: 4px solid var(--ink); padding-left: .4em; }
 .outside .bar i { background: var(--no); }
 .outside .number, .outside .share { color: var(--no); font-weight: 600; }
 .bar { display: inline-block; position: relative; width: 5.5em; height: .75em;
-  background: linear-gradient(90deg, transparent calc(50% - .5px), #1f2328 0,
-  #1f2328 calc(50% + .5px), transparent 0) var(--tint); border: 1px solid var(--line); }
+  background: linear-gradient(90deg, transparent calc(50% - .5px), var(--ink) 0,
+  var(--ink) calc(50% + .5px), transparent 0) var(--tint); border: 1px solid var(--line); }
 .bar i { position: absolute; top: 0; bottom: 0; background: var(--certain); }
 .share { display: inline-block; min-width: 4em; text-align: right;
   font-variant-numeric: tabular-nums; }
@@ -99,6 +104,9 @@ _MOST_CHANGES_BY_MAP: Final = 7
 _MOST_ENDINGS: Final = 4
 _MOST_SETTINGS: Final = 12
 
+_CERTAIN: Final = "“Certain” means that none of them is outside. It is not a probability of 100 %."
+_KEPT: Final = "by design: limits only where no other link can."
+
 Document = Mapping[str, Any]
 
 
@@ -118,24 +126,27 @@ def _body(document: Document, title: str, said: str, figure: bytes | None) -> It
     verdict = document["verdict"]
     yield f'<div class="beside"><header><h1>{title}</h1><p>{escape(said)}</p>{_settings(document)}'
     yield from (f'<p class="warning">{escape(one)}</p>' for one in document.get("warnings") or ())
+    means = verdict_sentence(document).partition(": ")[2]
+    sure = verdict == document["predicted_verdict"] == "certain"
     yield (
         f'<section class="verdict {verdict}"><h2>{verdict}</h2><div>'
-        f"<p>{escape(verdict_sentence(document).partition(': ')[2].capitalize())}. "
-        f"{escape(share_sentence(document))}.</p>"
-        f"<p>Limited by <strong>{escape(document['limiting_link'])}</strong>"
+        f"<p>{escape(means[0].upper() + means[1:])}. {escape(share_sentence(document))}.</p>"
+        + (f'<p class="fine">{_CERTAIN}</p>' if sure else "")
+        + f"<p>Limited by <strong>{escape(document['limiting_link'])}</strong>"
         f"{escape(limit_sentence(document).removeprefix(document['limiting_link']))}.</p>"
-        f"<p>{escape(change_sentence(document))}.</p></div></section></header>"
-        f"<figure>{cell_picture(document)}</figure></div>"
+        f"<p>{escape(change_sentence(document))}.{_none_simulated(document)}</p></div></section>"
+        f"</header><figure>{cell_picture(document)}</figure></div>"
     )
-    yield "<section><h3>The chain</h3>"
-    yield _links(document)
-    yield '</section><div class="beside rest"><section><h3>What to change</h3>'
-    yield _changes(document)
-    yield '</section><section class="right">'
-    yield _verified(document["verified"])
-    yield _bounds(document)
-    yield _assumptions(document)
-    yield "</section>"
+    yield f"<section><h3>Margin of each link</h3>{_links(document)}</section>"
+    sections = [
+        _changes(document),
+        _verified(document["verified"]),
+        _bounds(document),
+        _assumptions(document),
+    ]
+    left, *right = [one for one in sections if one] or [""]
+    yield f'<div class="beside rest"><section>{left}</section>'
+    yield f'<section class="right">{"".join(right)}</section>' if right else ""
     if figure is not None:
         content = base64.b64encode(figure).decode()
         yield (
@@ -160,7 +171,7 @@ def _settings(document: Document) -> str:
     shown = [f"<code>{escape(one)}</code>" for one in settings[:_MOST_SETTINGS]]
     if len(settings) > _MOST_SETTINGS:
         shown.append(f"{len(settings) - _MOST_SETTINGS} more in scenario.yaml")
-    return f'<p class="fine">Not the defaults: {", ".join(shown)}</p>'
+    return f'<p class="fine">Different from the defaults: {", ".join(shown)}</p>'
 
 
 def _links(document: Document) -> str:
@@ -174,24 +185,32 @@ def _links(document: Document) -> str:
             f'<tr class="{" ".join(kinds)}"><td>{escape(link["name"])}</td>'
             f'<td class="number">{bound}</td><td>{"≥" if side == "at least" else "≤"}</td>'
             f'<td class="number">{allowed}</td><td class="number">{margin}</td>'
-            f"<td>{escape(unit)}</td><td>{_bar(link['share'], share)}</td>"
+            f"<td>{escape(unit)}</td><td>{_bar(link, share)}</td>"
             f"<td>{escape(source)}</td></tr>"
         )
     head = (
         '<th>link</th><th class="number">bound</th><th></th><th class="number">allowed</th>'
         '<th class="number">margin</th><th>unit</th><th>margin in %</th>'
-        "<th>from</th>"
+        "<th>source</th>"
     )
+    kept = any(map(kept_by_design, document["links"]))
     return (
         f'<table class="links"><thead><tr>{head}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table>"
+        + (f'<p class="fine">{_KEPT}</p>' if kept else "")
     )
 
 
-def _bar(share: float | None, said: str) -> str:
-    """Return a bar of the margin's share: to the right inside, to the left outside."""
+def _bar(link: Document, said: str) -> str:
+    """Return a bar of the margin's share: to the right inside, to the left outside.
+
+    A link that is kept by design has none, so that the shortest bar is that of the limiting link.
+    """
+    share = link["share"]
     if share is None:
         return ""
+    if kept_by_design(link):
+        return f'<span class="fine">{said}</span>'
     width = 50 * min(abs(share), 1.0)
     left = 50.0 if share >= 0 else 50.0 - width
     return (
@@ -209,22 +228,26 @@ def _changes(document: Document) -> str:
         meaning = escape(change["meaning"], quote=True)
         rows += f"<tr><td title='{meaning}'><code>{escape(path)}</code></td>{cells}</tr>"
     head = (
-        '<th>field</th><th class="number">is</th><th class="number">margin for +10 %</th>'
-        '<th class="number">best alone</th>'
+        '<th>field</th><th class="number">value</th>'
+        '<th class="number">margin change for +10 %</th><th class="number">best single value</th>'
     )
-    both = "".join(f"<p>Two together: {escape(pair)}.</p>" for pair in pair_sentences(document))
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>" if rows else ""
+    both = "".join(f"<p>Pair: {escape(pair)}.</p>" for pair in pair_sentences(document))
     more = f"{len(changes) - most} more in result.json. " if len(changes) > most else ""
-    none = f"No effect on the smallest margin, no help: {escape(others)}." if others else ""
+    none = f"No effect on the limiting margin: {escape(others)}." if others else ""
     rest = f'<p class="fine">{more}{none}</p>' if more or none else ""
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{both}{rest}"
+    return f"<h3>Suggested changes</h3>{table}{both}{rest}" if table or both or rest else ""
+
+
+def _none_simulated(document: Document) -> str:
+    if document["verified"] is not None:
+        return ""
+    return " No insertion was simulated (<code>--verify 20</code> simulates 20)."
 
 
 def _verified(verified: Document | None) -> str:
     if verified is None:
-        return (
-            "<h3>Simulated insertions</h3><p>None; four are made where the design is certain, "
-            "<code>--verify 20</code> makes some of any.</p>"
-        )
+        return ""
     endings = ending_sentences(verified)
     items = "".join(f"<li>{escape(one)}</li>" for one in endings[:_MOST_ENDINGS])
     warning = verified["warning"]
@@ -244,10 +267,10 @@ def _bounds(document: Document) -> str:
         for name, *rest in bound_rows(document)
     )
     head = "".join(
-        f'<th class="number">{one}</th>' for one in ("promised", "of all", "confidence")
+        f'<th class="number">{one}</th>' for one in ("promised", "of all cells", "confidence")
     )
     table = f"<table><thead><tr><th>bound</th>{head}</tr></thead><tbody>{rows}</tbody></table>"
-    return f"<h3>What is promised</h3>{table}" if rows else ""
+    return f"<h3>Promised bounds</h3>{table}" if rows else ""
 
 
 def _assumptions(document: Document) -> str:
@@ -256,5 +279,5 @@ def _assumptions(document: Document) -> str:
         + (f"<strong>{escape(says)}</strong></li>" if suspicious else f"{escape(says)}</li>")
         for fields, says, suspicious in assumed(document)
     )
-    head = "<h3>Assumed of the arms, since it was not set</h3>"
+    head = "<h3>Assumed values of the arms</h3>"
     return f"{head}<ul>{items}</ul>" if items else ""

@@ -15,9 +15,9 @@ _MOST_PAIRS: Final = 2
 # Lengths and angles of parts are thousandths of their SI units.
 _SHOWN: Final = {"m": ("mm", 1e3), "rad": ("mrad", 1e3)}
 _SAID: Final = {
-    "certain": "certain: all bounds are inside of what is allowed",
-    "likely": "likely: it depends on which errors there are",
-    "no": "no: it is not to be expected to go in",
+    "certain": "certain: every bound and every random cell is within its limits",
+    "likely": "likely: a bound or a random cell is outside its limits",
+    "no": "no: less than 5 % of the random cells could go in, with 95 % confidence",
 }
 
 Document = Mapping[str, Any]
@@ -68,7 +68,7 @@ def described(scenario: DesignScenario) -> str:
 def verdict_sentence(document: Document) -> str:
     """Return the verdict in a sentence."""
     if (predicted := document["predicted_verdict"]) != document["verdict"]:
-        return f"{document['verdict']}: predicted {predicted!r} is contradicted by simulation"
+        return f"{document['verdict']}: simulation contradicts the predicted {predicted!r}"
     return _SAID[document["verdict"]]
 
 
@@ -91,9 +91,14 @@ def link_cells(link: Document) -> tuple[str, ...]:
     )
     if link["bound"] is None:  # null in the document is infinite
         bound = "infinite"
-    source = f"{link['source']}{' (kept by design)' if link['by_design'] else ''}"
-    unit, share = scaled(0, link["unit"])[1], percent(link["share"])
-    return bound, relation(link), allowed, margin, unit, share, source
+    share = "by design" if kept_by_design(link) else percent(link["share"])
+    unit = scaled(0, link["unit"])[1]
+    return bound, relation(link), allowed, margin, unit, share, link["source"]
+
+
+def kept_by_design(link: Document) -> bool:
+    """Return whether a link's margin follows from design rules, so that it does not limit."""
+    return bool(link["by_design"] and link["margin"] is not None and link["margin"] >= 0)
 
 
 def change_cells(change: Document) -> tuple[str, ...]:
@@ -124,8 +129,8 @@ def share_sentence(document: Document) -> str:
     share = document["share"]
     ends = " to ".join(percent(share[name]) for name in ("low", "high"))
     return (
-        f"{percent(share['value'])} of {share['draws']} drawn errors are inside "
-        f"(95 % interval {ends})"
+        f"{percent(share['value'])} of {share['draws']} random cells are within the limits "
+        f"(95 % interval for all cells: {ends})"
     )
 
 
@@ -135,12 +140,12 @@ def change_sentence(document: Document) -> str:
     if document["verdict"] == "certain":
         return "Nothing has to be changed"
     if document["changes"] is None:
-        return "What to change was not asked"
+        return "No changes were tried (--no-changes)"
     if least is not None:
         return f"Smallest change: {_said(least)}"
     if document["pairs"]:
         return f"No change makes it certain, alone or with another; {_said(document['pairs'][0])}"
-    return "No single change makes it certain; two together may"
+    return "No single change makes it certain; a pair may"
 
 
 def pair_sentences(document: Document) -> list[str]:
@@ -232,20 +237,20 @@ def design_text(document: Document) -> Iterator[str]:
         yield ""
     changes, others = effective(document)
     if changes:
-        head = ("field", "is", "margin for +10 %", "best alone")
+        head = ("field", "value", "margin change for +10 %", "best single value")
         yield from table([head, *map(change_cells, changes)], right=(1, 2, 3))
     if others:
-        yield from textwrap.wrap(f"no effect on the smallest margin, no help: {others}", _WIDTH)
+        yield from textwrap.wrap(f"no effect on the limiting margin: {others}", _WIDTH)
     if changes or others:
         yield ""
     yield from textwrap.wrap(change_sentence(document), _WIDTH)
     for pair in pair_sentences(document):
-        yield from textwrap.wrap(f"two together: {pair}", _WIDTH, subsequent_indent="    ")
+        yield from textwrap.wrap(f"pair: {pair}", _WIDTH, subsequent_indent="    ")
     if found := document["map"]:
         yield from textwrap.wrap(f"map {map_sentence(found)}", _WIDTH)
     if rows := assumed(document):
         yield ""
-        yield "assumed of the arms, since it was not set (!: suspicious):"
+        yield "assumed values of the arms (!: suspicious):"
         for fields, says, suspicious in rows:
             text = f"{'!' if suspicious else ' '} {fields}: {says}"
             yield from textwrap.wrap(text, _WIDTH, subsequent_indent="    ")

@@ -74,7 +74,7 @@ def time_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link
     """Return the time until the errors are small enough to insert, if that decides."""
     if scenario.decide.kind != "margin":
         return []
-    source = "slowest of the drawn errors until decide.margin is kept; decide.timeout"
+    source = "slowest of the random cells until decide.margin is kept; decide.timeout"
     started = drawn.force <= scenario.insert.force_limit
     slowest = MODEL_ERROR["time"] * float(drawn.time[started].max(initial=0.0))
     return [at_most("time", slowest, scenario.decide.timeout, "s", source)]

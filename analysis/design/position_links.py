@@ -219,11 +219,11 @@ def search_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]
         return []
     far, unsure = float(starts.lateral.max()), repeatability_link(scenario).bound
     reach = touch.reaches + (0.0 if touch.leans else captures)
-    source = "largest error at the touch; as far as the search goes, and the chamfers' reach"
+    source = "largest error at the touch; radius of the search, and the chamfers' reach"
     links = [at_most("search", far, reach, "m", source)]
     if search.kind == "spiral":
         passes = known("search.pitch", search.pitch) / 2 + unsure
-        source = "half of the spiral's pitch and what the arm is unsure of; chamfers' reach"
+        source = "half of the spiral's pitch and the uncertainty of the arm; chamfers' reach"
         links.append(at_most("search.pitch", passes, captures, "m", source))
     return links
 
@@ -274,7 +274,7 @@ def cycle_link(
     once = drawn.time.max() + insert.pause + way / insert.speed + found.lag.max() + searched.max()
     again = once + 2 * scenario.gap / insert.speed + insert.rest
     time = float(once + (attempts_of(scenario, starts) - 1) * again)
-    source = "cycle: decision, feed, search, what the peg lags behind, and retries; duration"
+    source = "cycle: decision, feed, search, lag of the peg, and retries; duration"
     return at_most("time", time, scenario.duration - scenario.begin, "s", source)
 
 
@@ -287,7 +287,7 @@ def position_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> tupl
     beside = bool((touched.lateral > scenario.parts.chamfer_limit).any())
     force = touch_force(scenario, beside=beside)
     first = "v (sqrt(k m) + k lag + D) of the first touch; insert.force_limit"
-    until = "attempts until the search comes to the farthest hole; insert.attempts"
+    until = "attempts until the search reaches the farthest hole; insert.attempts"
     return (
         *supposed([*path_links(scenario), *contact_links(scenario)]),
         repeatability_link(scenario),
@@ -320,7 +320,7 @@ def position_warnings(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> t
     starts = after_search(scenario, Starts.of(drawn))
     sits = int(np.sum(edge_forces(scenario, starts) > scenario.insert.push))
     says = (
-        f"of {len(starts.lateral)} drawn rims {sits} may sit on the bore's edge and take more "
+        f"of {len(starts.lateral)} random rims {sits} may sit on the bore's edge and take more "
         "than insert.push to turn upright, by an estimate that no simulated one has confirmed"
     )
     return (says,) if sits else ()

@@ -139,9 +139,9 @@ def loop_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Lin
     proves nothing.
     """
     decay = -math.log(drawn.growth) / scenario.impedance.period if drawn.growth > 0 else math.inf
-    source = "slowest decay of the sampled impedance loops, drawn arms, no dry friction"
+    source = "slowest decay of the sampled impedance loops, random arms, no dry friction"
     longest = float(drawn.saturated.max())
-    says = "longest that a joint is at its torque limit in drawn cells; the chart's limit"
+    says = "longest that a joint is at its torque limit in random cells; the chart's limit"
     return [
         at_least("loop", decay, 0.0, "1/s", source),
         at_most("torque.saturated", longest, task_params(scenario).most_saturated, "s", says),
@@ -151,7 +151,7 @@ def loop_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Lin
 def settling_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
     """Return how small the compensation makes errors, whether by design, and its range."""
     region, margin = region_of(scenario), 0.0
-    source = "largest error as sure as it was decided by, of the drawn cells"
+    source = "largest error of the random cells, with the confidence of the decision"
     if by_margin := scenario.decide.kind == "margin":
         source, margin = f"{source}; region less decide.margin", scenario.decide.margin
     controller: SixAxisSettings | SixAxisPid = scenario.pid
@@ -178,7 +178,9 @@ def settling_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list
         share = max(small_share(scenario, kind) for kind in KINDS)
         source = "increment over what the settling theorem allows for arms and dead time"
         links.append(at_most("settling", share, 1.0, "", source, by_design=share <= _DESIGNED))
-    source = "largest compensation of the drawn cells, at its limit with what is left; its limit"
+    source = (
+        "largest compensation of the random cells, with the error left at the limit; its limit"
+    )
     needs = (drawn.reach + np.where(short, drawn.sure, 0.0)).max(axis=0)
     for need, limit, (kind, unit) in zip(needs, limits, _UNITS.items(), strict=True):
         links.append(at_most(f"range.{kind}", float(need), float(limit), unit, source))

@@ -99,7 +99,20 @@ def test_limiting_and_outside_links_are_marked(document: dict[str, Any]) -> None
     }
     bars = re.findall(r'<i style="left:([\d.]+)%;width:([\d.]+)%">', page)
     # Inside to the right of the middle, outside to the left, and never beyond the frame.
-    assert bars == [("50.0", "37.5"), ("37.5", "12.5"), ("50.0", "50.0")]
+    assert bars == [("50.0", "37.5"), ("37.5", "12.5")]
+    assert '<span class="fine">by design</span>' in page  # the torque, which does not limit
+
+
+def test_no_section_is_empty(document: dict[str, Any]) -> None:
+    document |= {"changes": None, "smallest_change": None, "verified": None}
+    page = design_page(document, "", None)
+    assert re.findall(r"<h3>([^<]*)", page) == ["Margin of each link"]
+    assert not re.search(r"<tbody></tbody>", page)
+
+
+def test_certain_says_what_it_means(document: dict[str, Any]) -> None:
+    document |= {"verdict": "certain", "predicted_verdict": "certain"}
+    assert "It is not a probability of 100 %." in design_page(document, "", None)
 
 
 def test_simulation_that_contradicts_is_said(document: dict[str, Any]) -> None:
@@ -107,7 +120,7 @@ def test_simulation_that_contradicts_is_said(document: dict[str, Any]) -> None:
     document["verified"]["warning"] = "it was not so"
     assert "Contradicted: it was not so." in design_page(document, "", None)
     document["verified"] = None
-    assert "None; four are made where the design is certain" in design_page(document, "", None)
+    assert "No insertion was simulated" in design_page(document, "", None)
 
 
 def test_map_is_in_the_page(document: dict[str, Any]) -> None:
@@ -147,7 +160,8 @@ def test_sentences(document: dict[str, Any]) -> None:
         "two points: 50 mrad, at most 40 mrad is allowed, margin -10 mrad (-25 %)"
     )
     assert share_sentence(document) == (
-        "50 % of 200 drawn errors are inside (95 % interval 43 % to 57 %)"
+        "50 % of 200 random cells are within the limits "
+        "(95 % interval for all cells: 43 % to 57 %)"
     )
     assert verified_sentence(document["verified"]) == (
         "19 of 20 simulated insertions are seated (95 % interval 75.1 % to 99.9 %)"
@@ -159,9 +173,9 @@ def test_smallest_change(document: dict[str, Any]) -> None:
         "Smallest change: parts.friction from 0.4 to 0.3 (-25 %) makes it certain "
         "(--set parts.friction=0.3)"
     )
-    assert change_sentence({**document, "changes": None}) == "What to change was not asked"
+    assert change_sentence({**document, "changes": None}) == "No changes were tried (--no-changes)"
     none = {**document, "smallest_change": None}
-    assert change_sentence(none) == "No single change makes it certain; two together may"
+    assert change_sentence(none) == "No single change makes it certain; a pair may"
     assert change_sentence({**document, "verdict": "certain"}).startswith("Nothing has")
 
 
@@ -181,7 +195,7 @@ def test_choices_pairs_and_what_helps_are_said_with_their_shares(document: dict[
         "come to 90 % (--set a=1 --set 'b=[1, 2]')"
     )
     text = " ".join(" ".join(design_text(document)).split())
-    assert f"two together: {said}" in text
+    assert f"pair: {said}" in text
     assert "controller.kind fsm - pid: 68 %" in text
     assert "parts.friction 0.4 -10 % 0.3: certain" in text
     assert "from fsm to pid and" in design_page(document, "", None)
@@ -235,6 +249,15 @@ def test_the_picture_marks_what_limits(document: dict[str, Any], name: str, part
     assert ("hole's arm" in said, "fixture" in said) == (True, False)
     fixed = cell_picture({**document, "scenario": {"hole": {"kind": "fixture"}}})
     assert ">fixture<" in fixed
+
+
+def test_the_picture_has_dimensions(document: dict[str, Any]) -> None:
+    parts = {"section": "round", "peg_radius": 0.008, "hole_radius": 0.00805}
+    cell = {"parts": {**parts, "chamfer_width": 0.001}, "gap": 0.01, "insert": {"depth": 0.025}}
+    picture = ElementTree.fromstring(cell_picture({**document, "scenario": cell}))
+    said = {one.text for one in picture.iter("text")}
+    assert {"⌀ 16 mm", "⌀ 16.1 mm", "gap 10 mm", "chamfer 1 mm", "depth 25 mm"} <= said
+    assert "radial clearance 0.05 mm" in said
 
 
 def test_a_link_that_is_of_no_part_is_said(document: dict[str, Any]) -> None:
