@@ -70,27 +70,29 @@ def make_connector_diagram(
 ) -> Diagram:
     """Return the loop of a skill that inserts a connector.
 
-    Its outputs are ``V_cmd`` and ``V_ref``, rad/s above m/s, ``wrench`` as measured and tared, N m
-    above N, and ``carriage``, rad above m, shape (6,) each; ``plug``, the true displacement of the
-    tip, rad above m, and its rate, shape (12,), and ``true_wrench``, what the plug touches, shape
-    (6,); ``holding``, ``retries`` and ``state``.
+    Outputs:
 
-    Args:
-        scenario: Robot, wrist, sensors and part.
-        skill: What is run; None: the part's own strategy. A block of one's own has all ports of a
-            :class:`~chamfer.systems.primitives.skill_machine.SkillMachine` but ``cross_section``,
-            and outputs that don't follow its inputs at once; without sight the plug is held from
-            the begin.
-        controller: A law of one's own in the place of accommodation. It has the inputs
-            ``command``, V_cmd, rad/s above m/s, ``wrench`` on the tool, N m above N, and
-            ``damping``, which the skill's state sets, N m s/rad above N s/m, 0 for its own, and
-            the outputs ``velocity``, V_ref, and ``perturbed``, the command that it was made of;
-            shape (6,) each. As accommodation it updates by an unrestricted event, before which
-            the skill's command of the same tick does not come.
+    - ``V_cmd`` and ``V_ref``, shape (6,), rad/s above m/s.
+    - ``wrench``, shape (6,), N m above N: measured and tared.
+    - ``carriage``, shape (6,), rad above m.
+    - ``plug``, shape (12,): true displacement of the tip, rad above m, and its rate.
+    - ``true_wrench``, shape (6,): true contact wrench of the plug.
+    - ``holding``, ``retries`` and ``state``.
+
+    Args: scenario: Robot, wrist, sensors and part. skill: The skill to run; None: the part's own
+        strategy. Your own block has all ports of a
+        :class:`~chamfer.systems.primitives.skill_machine.SkillMachine` but ``cross_section``, and
+        outputs that don't follow its inputs at once. Without cameras the plug is held from the
+        start. controller: Your own law in place of accommodation. Its inputs are ``command``,
+        V_cmd, rad/s above m/s, ``wrench`` on the tool, N m above N, and ``damping``. The skill's
+        state sets the damping, N m s/rad above N s/m, 0 for the law's own. Its outputs are
+        ``velocity``, V_ref, and ``perturbed``, the command that it was computed from; shape (6,)
+        each. As accommodation it updates by an unrestricted event, before which the skill's
+        command of the same tick does not come.
 
     Raises:
         ChartError: If the skill can't be run.
-        ParameterError: If the part has no strategy, or a block of one's own not these ports.
+        ParameterError: If the part has no strategy, or your own block lacks one of these ports.
     """
     skill = skill or scenario.make_skill()
     connector, period = scenario.connector, scenario.accommodation.period
@@ -221,7 +223,7 @@ _OBSTACLE: Final = ContactMaterial(stiffness=1e6, dissipation=20.0, friction=0.2
 
 
 class ConnectorPlant(NamedTuple):
-    """What was added to a builder."""
+    """The ports that :func:`add_connector_plant` adds."""
 
     plant: MultibodyPlant
     desired: InputPort  # displacement of the tip, rad above m, and its rate, shape (12,)
@@ -244,8 +246,8 @@ def add_connector_plant(
 ) -> ConnectorPlant:
     """Add a plant in which a carriage in the world's axes holds a plug by the wrist.
 
-    X_WS is where the socket is, X_TP how the plug sits in the tool's frame: what the grasp is
-    wrong by. The tip starts at a displacement, rad above m, shape (6,), by default 0. An obstacle
+    X_WS is the pose of the socket, X_TP that of the plug in the tool's frame: the error of the
+    grasp. The tip starts at a displacement, rad above m, shape (6,), by default 0. An obstacle
     is in the way at a depth in the socket, m. The plant's step is in s.
     """
     if not 0 < step < math.inf:
@@ -276,7 +278,7 @@ def add_weight(
 ) -> OutputPort:
     """Let the wrist carry the weight of a plug, mass in kg, at its centre while ``held`` is 1.
 
-    Return the wrench of what the plug touches, N m above N, (6,): the wrist's, less the weight.
+    Return the contact wrench of the plug, N m above N, (6,): the wrist's, less the weight.
     """
     plant = added.plant
     weight = mass * plant.gravity_field().gravity_vector()[2]  # N, along z

@@ -1,7 +1,7 @@
 """Insertions: the paper's D connector (Fig. 5) and BNC connector (Fig. 6), a peg, an RJ45 plug.
 
-A scenario as written may leave open what the skill and the controller believe, what the sensor is
-like, and what the grasp needs to know of the plug; :func:`resolve` fills it in.
+A scenario may leave open the beliefs of the skill and the controller, the properties of the
+sensor, and the data of the plug for the grasp; :func:`resolve` fills them in.
 """
 
 import math
@@ -82,9 +82,9 @@ SENSING: Final[Mapping[Sensing, WrenchSensorParams]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class ConnectorScenario:
-    """What all insertions have in common."""
+    """The fields that all insertions have in common."""
 
-    robot: RobotName = "carriage"  # what moves the gripper: a carriage with six axes, or a WAM
+    robot: RobotName = "carriage"  # moves the gripper: a carriage with six axes, or a WAM
     arm: CellArmSettings = ARM  # of the WAM
     impedance: ImpedanceControllerParams = ImpedanceControllerParams(
         stiffness=(4000.0, 4000.0, 4000.0), rotational_stiffness=(20.0, 20.0, 20.0)
@@ -92,21 +92,23 @@ class ConnectorScenario:
     wrist: WristParams = WristParams()
     accommodation: AdmittanceParams = AdmittanceParams(
         damping=(1.2, 1.2, 1.2, 800.0, 800.0, 800.0)
-    )  # that turns readily; assumed. Raised where the wrist, seen from the tip, needs more
+    )  # compliant in rotation; assumed. Raised where the wrist, seen from the tip, requires it
     believed_wrist: WristParams | None = None
-    # as the skill and accommodation take it to be; None: as it truly is
-    sensing: Sensing = "ideal"  # what the sensor leaves open: ideal, or realistic
+    # as the skill and accommodation assume it; None: the true one
+    sensing: Sensing = "ideal"  # sets the sensor's open fields: ideal, or realistic
     sensor: WrenchSensorParams = WrenchSensorParams(noise=0.17)
-    # at the wrist; where its fields are None, ``sensing`` says them
+    # at the wrist; ``sensing`` sets the fields that are None
     believed_sensor: WrenchSensorParams | None = None
-    # origin, cross_talk and decoupling, as the skill takes them to be; None: as they truly are
+    # as the skill assumes its origin, cross_talk and decoupling; None: the true ones
     gripper: PartGripperParams = PartGripperParams()
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    # rad above m, pose of the plug in the gripper over the one it is taken to have
+    # rad above m, true pose of the plug in the gripper relative to the believed one
     sight: SightSettings | None = None
-    # None: the plug is in the gripper above the socket from the begin
+    # cameras and scene of the grasp; None: the gripper holds the plug above the socket from the
+    # start
     height: float = 0.008  # m, of the plug above the socket after the transport
-    obstacle: float | None = None  # m, depth in the socket at which something is in the way
+    obstacle: float | None = None
+    # m, depth in the socket of an obstacle; None: the socket is free
     approximation: Approximation = "tamsi"  # of contact, by Drake
     step: float = 0.001  # s, of the plant
     duration: float = 120.0  # s, after which a run ends at the latest
@@ -145,7 +147,7 @@ class StrategyScenario(ConnectorScenario):
 
     connector: StandardConnector  # plug and socket
     believed_connector: StandardConnector | None = None
-    # as the skill takes it to be; None: as it is
+    # as the skill assumes it; None: the true one
     skill: StrategyParams
 
     LIKE: ClassVar[Mapping[str, str]] = {
@@ -192,7 +194,7 @@ class Rj45ConnectorScenario(StrategyScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class OwnPartScenario(ConnectorScenario):
-    """A part of one's own, for a skill of one's own."""
+    """Your own part, for your own skill."""
 
     connector: MeshConnector
 
@@ -210,7 +212,7 @@ RJ45_CONNECTOR: Final = Rj45ConnectorScenario(initial_error=ERROR, sight=SightSe
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedConnectorScenario(ConnectorScenario):
-    """A part, and all that it is run in; nothing is open."""
+    """A part, and the setup of its insertion; nothing is open."""
 
     connector: Connector
     believed_wrist: WristParams
@@ -219,27 +221,27 @@ class ResolvedConnectorScenario(ConnectorScenario):
 
     @property
     def above(self) -> tuple[float, float, float]:
-        """Where the plug's tip is over the socket's face after the transport, m."""
+        """Height of the plug's tip over the socket's face after the transport, m."""
         x, y, z = self.initial_error[3:]
         return x, y, self.height + z
 
     @property
     def plug_in_tool(self) -> RigidTransform:
-        """X_TP, how the plug sits in the tool's frame: what the grasp is wrong by."""
+        """X_TP, the pose of the plug in the tool's frame: the error of the grasp."""
         return tip_pose(np.array([*self.initial_error[:3], 0.0, 0.0, 0.0]))
 
     @property
     def start(self) -> Array:
-        """Displacement of the carriage at first, rad above m, shape (6,)."""
+        """Initial displacement of the carriage, rad above m, shape (6,)."""
         return self.sight.start if self.sight else np.array([0.0, 0.0, 0.0, *self.above])
 
     @property
     def resting(self) -> Array:
-        """Displacement of the plug at first, likewise."""
+        """Initial displacement of the plug, likewise."""
         return self.sight.resting if self.sight else self.start
 
     def make_grasp(self) -> tuple[SkillState, ...]:
-        """Return the states that grasp and transport the plug by sight; none without sight."""
+        """Return the states that grasp and transport the plug with cameras, if there are any."""
         if self.sight is None:
             return ()
         return make_grasp_and_transport(
@@ -271,17 +273,17 @@ class ResolvedStrategyScenario(ResolvedConnectorScenario):
 
 
 def resolve(scenario: StrategyScenario) -> ResolvedStrategyScenario:
-    """Return the scenario with what is believed, the sensor, and what the grasp has to know."""
+    """Return the scenario with its beliefs, its sensor, and the data of the plug for the grasp."""
     return ResolvedStrategyScenario(**resolved_fields(scenario))
 
 
 def resolve_own_part(scenario: OwnPartScenario) -> ResolvedConnectorScenario:
-    """Return the scenario with what is believed, the sensor, and what the grasp has to know."""
+    """Return the scenario with its beliefs, its sensor, and the data of the plug for the grasp."""
     return ResolvedConnectorScenario(**resolved_fields(scenario))
 
 
 def resolved_fields(scenario: ConnectorScenario, **given: Any) -> dict[str, Any]:
-    """Return the fields of a scenario, and those that are given beside, nothing in them open."""
+    """Return the fields of a scenario, and the given ones, with nothing in them open."""
     found = {one.name: getattr(scenario, one.name) for one in fields(scenario)} | given
     connector: Connector = found["connector"]
     believed: Connector = found.get("believed_connector") or connector

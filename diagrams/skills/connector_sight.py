@@ -1,4 +1,4 @@
-"""The two cameras that watch an insertion, and what is made of their images."""
+"""The two cameras that watch an insertion, and the detection in their images."""
 
 import math
 from dataclasses import dataclass, fields
@@ -51,7 +51,7 @@ class SightSettings:
     # Exposed between ticks, so that rounding cannot change their order.
     frames: FrameGrabberParams = FrameGrabberParams(period=1 / 30, offset=TICK / 2)
     servoing: ServoingParams = ServoingParams()
-    plug: tuple[float, float, float] = (-0.045, 0.035, 0.0)  # m, where the plug's tip rests
+    plug: tuple[float, float, float] = (-0.045, 0.035, 0.0)  # m, place of the plug's resting tip
     plug_present: bool = True  # False: there is nothing to be grasped
     standby: tuple[float, float, float] = (0.006, 0.03, 0.008)
     # m, of the gripper from the plug before the grasp
@@ -69,7 +69,7 @@ class SightSettings:
         return ResolvedSightSettings(**own | {"motion": motion})
 
     def camera(self, view: View) -> Camera:
-        """Return a camera as it truly is."""
+        """Return the true camera."""
         return CameraPlacement(
             view=view,
             target=self.middle,
@@ -80,7 +80,7 @@ class SightSettings:
 
     @property
     def believed(self) -> StaticCameras:
-        """Both cameras as they are believed to be."""
+        """Both cameras as the skill believes them to be."""
         return StaticCameras(
             xz=self.xz.of(self.camera("xz")), yz=self.yz.of(self.camera("yz")), depth=self.distance
         )
@@ -92,7 +92,7 @@ class SightSettings:
 
     @property
     def start(self) -> Array:
-        """Displacement of the carriage at first, rad above m, shape (6,)."""
+        """Initial displacement of the carriage, rad above m, shape (6,)."""
         start: Array = self.resting + np.array([0.0, 0.0, 0.0, *self.standby])
         return start
 
@@ -115,11 +115,11 @@ def add_sight(
     trigger: OutputPort,
     detections: dict[View, InputPort],
 ) -> None:
-    """Add cameras and detection; what each camera finds goes to ``detections``.
+    """Add cameras and detection; the detections of each camera go to ``detections``.
 
-    X_TP is how the plug sits in the tool's frame, ``motion``, shape (12,), the robot's true
+    X_TP is the pose of the plug in the tool's frame, ``motion``, shape (12,), the robot's true
     displacement and its rate, ``tool_pose``, shape (7,), the true pose of the tool's frame, which
-    the cameras alone see; ``trigger`` is 1 while images are needed.
+    only the cameras see; ``trigger`` is 1 while images are needed.
     """
     corners = X_TP.multiply(connector.plug_outline.T).T
     mark = block(_MARK, below=-settings.motion.mark)

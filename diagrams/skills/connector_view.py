@@ -1,6 +1,6 @@
-"""An insertion to look at: plug and socket at their true places, and the gripper.
+"""A view of an insertion: plug and socket at their true places, and the gripper.
 
-It is no part of a control loop. Whoever has displacements sets positions and publishes.
+It is not part of a control loop. Set positions from displacements, and publish.
 """
 
 from dataclasses import replace
@@ -46,7 +46,7 @@ class ConnectorView(NamedTuple):
 
 
 def make_connector_view(scenario: ResolvedConnectorScenario, meshcat: Meshcat) -> ConnectorView:
-    """Build plug, socket and gripper, and what draws them."""
+    """Build plug, socket and gripper, and the systems that draw them."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     held = add_wrist(plant, plant.world_frame(), replace(scenario.wrist, centre=0.0))

@@ -1,8 +1,8 @@
 """Dithers of a carriage: free of contact, and under damping control with a correlator.
 
-Source: Morrow, Nelson and Khosla, section 2, and section 3.2, eq. (1): the correlator has to tell
-whether a dither is obstructed. The paper shows no diagram of either and prints no parameters: all
-are assumed.
+Source: Morrow, Nelson and Khosla, section 2, and section 3.2, eq. (1): the correlator has to
+detect an obstructed dither. The paper shows no diagram of either and prints no parameters: all are
+assumed.
 """
 
 from collections.abc import Sequence
@@ -69,7 +69,7 @@ class AxisSensorParams:
 
 @dataclass(frozen=True, kw_only=True)
 class CorrelationScenario:
-    """One dither, and what obstructs it."""
+    """One dither and its obstruction."""
 
     dither: Dither = Dither(cycles=40.0)
     accommodation: AccommodationParams = AccommodationParams()
@@ -94,13 +94,13 @@ class CorrelationScenario:
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedCorrelationScenario(CorrelationScenario):
-    """One dither, and what obstructs it; nothing is open."""
+    """One dither and its obstruction; nothing is open."""
 
     correlator: ResolvedCorrelatorParams
 
 
 def resolve(scenario: CorrelationScenario) -> ResolvedCorrelationScenario:
-    """Return the scenario with its constraint along the dither, watched a cycle at a time."""
+    """Return the scenario with its constraint along the dither, and with windows of a cycle."""
     found = {one.name: getattr(scenario, one.name) for one in fields(scenario)}
     if scenario.constraint.index is None:
         found["constraint"] = replace(scenario.constraint, index=scenario.dither.index)

@@ -1,8 +1,8 @@
 """The robots that may carry a gripper: an ideal Cartesian carriage, or a WAM.
 
-Both follow a Cartesian velocity, and give where they are as a displacement, rad above m. The
+Both follow a Cartesian velocity, and measure their pose as a displacement, rad above m. The
 carriage does so exactly. The WAM is an arm under impedance control whose desired pose is the
-velocity's integral; it gives way to what the gripper's springs do to it.
+velocity's integral; the load of the gripper's springs deflects it.
 """
 
 from typing import Final, Literal, NamedTuple
@@ -41,12 +41,12 @@ ARM: Final = CellArmSettings(
 
 
 class Robot(NamedTuple):
-    """What was added to a builder."""
+    """The ports of a robot that was added to a builder."""
 
     velocity: InputPort  # rad/s above m/s, shape (6,)
     motion: OutputPort  # true displacement and its rate, shape (12,); for gripper and logs alone
     encoders: OutputPort  # displacement by encoders, rad above m, shape (6,)
-    reaction: InputPort | None  # what the gripper's springs do to it, N m above N; None: nothing
+    reaction: InputPort | None  # of the gripper's springs on it, N m above N; None: no effect
 
 
 def add_carriage(builder: DiagramBuilder, start: Array, step: float) -> Robot:
@@ -69,7 +69,7 @@ def add_wam(
 ) -> Robot:
     """Add a WAM whose tool frame has the world's axes where the displacement has no turn.
 
-    ``start`` is the tool's displacement at first, rad above m, shape (6,), ``step``, s, that of
+    ``start`` is the tool's initial displacement, rad above m, shape (6,), ``step``, s, that of
     the arm's plant at most.
     """
     # A plant as slow as its controller would act on a torque a whole period after it was sensed,

@@ -71,7 +71,7 @@ LOOSE: Final = Solid(name="part", vertices=block((0.03, 0.014, 0.02), below=0.02
 
 @dataclass(frozen=True, kw_only=True)
 class CameraBelief:
-    """What is wrong about a camera's believed parameters."""
+    """Errors of a camera's believed parameters."""
 
     focal_factor: float = 1.0  # believed focal length over the true one
     turn: Triple = (0.0, 0.0, 0.0)  # rad, from the true to the believed orientation, camera frame
@@ -81,7 +81,7 @@ class CameraBelief:
         require_numbers(self, 3, "turn")
 
     def of(self, camera: Camera) -> Camera:
-        """Return a camera as it is believed to be."""
+        """Return the believed camera."""
         return camera.miscalibrated(focal_factor=self.focal_factor, turn=self.turn)
 
 
@@ -90,7 +90,7 @@ class VisionServoSetup:
     """Cameras, goals and control law of the primitives. All of it is assumed.
 
     In translation, rotation and turn about a fixed point the carriage holds a plug over a socket;
-    the grasp looks down at a part that lies loose.
+    for the grasp the camera looks down at a loose part.
     """
 
     lever: Triple = (0.01, 0.0, -0.04)
@@ -111,14 +111,14 @@ class VisionServoSetup:
         require_numbers(self, 3, "lever")
 
     def camera(self, view: View) -> Camera:
-        """Return a static camera as it truly is; down is to the right in its image."""
+        """Return the true static camera; down is to the right in its image."""
         return CameraPlacement(
             view=view, distance=self.distance, pixel_size=self.pixel_size, roll=_QUARTER
         ).camera
 
     @property
     def hand_camera(self) -> Camera:
-        """The camera on the gripper as it truly is where the carriage is at 0."""
+        """The true camera on the gripper, with the carriage at 0."""
         return CameraPlacement(
             view="xy", distance=self.height, pixel_size=self.pixel_size, roll=0.0
         ).camera
@@ -131,7 +131,7 @@ class VisionServoSetup:
 
 @dataclass(frozen=True, kw_only=True)
 class VisionServoScenario(VisionServoSetup):
-    """One primitive, where it begins and what for, and how wrong it takes its cameras."""
+    """One primitive, its start and its target, and the errors of its believed cameras."""
 
     primitive: VisionPrimitive = "translation"
     start: tuple[float, ...] = (0.0, 0.0, 0.0, 0.02, -0.015, 0.02)  # rad above m, of the carriage
@@ -154,7 +154,7 @@ class VisionServoScenario(VisionServoSetup):
 
     @property
     def parameters(self) -> Primitive:
-        """The primitive with its parameters, as it believes the cameras to be."""
+        """The primitive with its parameters and believed cameras."""
         servoing = self.servoing.with_frames(self.frames.period)
         if self.primitive == "grasp":
             return VisGrasp(
@@ -205,8 +205,8 @@ def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
     """Build the loop of one primitive; the carriage is an integrator of its velocity.
 
     It exports ``displacement``, rad above m, ``velocity``, rad/s above m/s, shape (6,), and
-    ``state``, which :data:`chamfer.systems.primitives.skill.DONE` is from a tick after the
-    primitive's event on.
+    ``state``. From a tick after the primitive's event on, the state is
+    :data:`chamfer.systems.primitives.skill.DONE`.
     """
     builder = DiagramBuilder()
     carriage = builder.AddNamedSystem("carriage", Integrator(np.array(scenario.start)))
@@ -261,7 +261,7 @@ def add_camera(
     camera: SolidsCamera,
     detector: LeafSystem,
 ) -> LeafSystem:
-    """Add a camera and what finds parts in its frames; return the grabber of these."""
+    """Add a camera and the detection of parts in its frames; return its frame grabber."""
     builder.AddNamedSystem(f"{name} camera", camera)
     grabber = add_frame_grabber(builder, params, f"{name} frames")
     builder.AddNamedSystem(f"{name} detection", detector)

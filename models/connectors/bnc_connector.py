@@ -1,8 +1,8 @@
 """The BNC connector: a barrel with two studs, and a sleeve that locks on them by a quarter turn.
 
 The plug is that of Fig. 3. The socket's barrel stands still, its studs on S's x axis. The plug is
-the sleeve, which the gripper holds and turns, with an insulator on a spring in it, which meets the
-barrel's face. Seen in P the path of a stud through the sleeve is
+the sleeve, which the gripper holds and turns. In it an insulator on a spring meets the barrel's
+face. Seen in P, the path of a stud through the sleeve is
 
 * a slot from the leading face upwards, on x, as deep as the sleeve overlaps the studs;
 * at its end a channel of 90 degrees towards y, as wide as the slot;
@@ -12,7 +12,7 @@ A plug in line, turned by the angle a about z, meets the slots at a = 0 (and 180
 **locks by a turn of -90 degrees about z**: clockwise, seen from the sleeve's back. Released, the
 spring lifts the sleeve until the studs lie in the notches.
 
-Four families of pieces touch, and the others are kept apart by collision filters, so that every
+Four families of pieces touch. Collision filters keep the others apart, so that every
 pair has a closed form and every turned position the same clearance:
 
 * spheres round the sleeve's leading rim against the barrel, a cylinder; their roundness stands
@@ -24,7 +24,7 @@ pair has a closed form and every turned position the same clearance:
   preload (an insulator on a joint with a stop takes as long to simulate as all the rest).
 
 Not modelled: the centre contact, the outer conductor in the barrel, and the friction of sleeve and
-insulator, so that a turn takes only what the studs and the barrel's face rub.
+insulator. A turn therefore meets only the friction of the studs and the barrel's face.
 """
 
 import math
@@ -63,8 +63,8 @@ _BARREL_COLOUR: Final = np.array([0.8, 0.7, 0.4, 1.0])
 class BncConnector(SprungConnector):
     """A BNC connector in contact; see the module for its shape.
 
-    Pairs are the smallest and the largest dimension allowed. Nominal is their mean, worst what
-    leaves the least clearance.
+    Pairs are the smallest and the largest dimension allowed. Nominal is their mean, worst the
+    least clearance.
     """
 
     barrel_diameter: Range = (9.60e-3, 9.70e-3)  # m, outside; reference table
@@ -83,9 +83,9 @@ class BncConnector(SprungConnector):
     spring_force: float = 13.0  # N, of the spring fully compressed; from memory: assumed
     spring_radius: float = 3e-3  # m, at which the spring rests on the barrel's face; assumed
     sleeve_diameter: float = 14.5e-3  # m, outside; assumed
-    sleeve_length: float = 30e-3  # m, with what is behind it; assumed
-    socket_diameter: float = 14e-3  # m, of what a camera sees of the socket; assumed
-    socket_length: float = 25e-3  # m, of what a camera sees of the socket; assumed
+    sleeve_length: float = 30e-3  # m, with the part behind it; assumed
+    socket_diameter: float = 14e-3  # m, of the socket's visible part; assumed
+    socket_length: float = 25e-3  # m, of the socket's visible part; assumed
     mass: float = 0.02  # kg, of the plug; assumed
 
     NAME: ClassVar[str] = "bnc"
@@ -163,7 +163,7 @@ class BncConnector(SprungConnector):
 
     @property
     def turning_depth(self) -> float:
-        """From which on the sleeve can be turned; ``overlap`` is as deep as it goes, m."""
+        """Depth from which the sleeve can be turned, m; ``overlap`` is the largest depth."""
         return self.overlap - (self.slot - 2 * self.stud_radius)
 
     @property
@@ -173,7 +173,7 @@ class BncConnector(SprungConnector):
 
     @property
     def mating_force(self) -> float:
-        """Of the spring, compressed, N: the largest that the insertion takes."""
+        """Force of the compressed spring, N: the largest of the insertion."""
         return self.spring_force
 
     @property
@@ -196,7 +196,7 @@ class BncConnector(SprungConnector):
         return prism(self.socket_diameter / 2, -self.socket_length, 0.0)
 
     def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
-        """Add the sleeve and what is in it to a body that holds it, X_BP its place there."""
+        """Add the sleeve and its insulator to a body that holds it, X_BP its place there."""
         super().add_plug(plant, body, X_BP)
         _show(plant, body, X_BP, self.sleeve_diameter, 0.0, self.sleeve_length, _SLEEVE_COLOUR)
 
@@ -219,7 +219,7 @@ class BncConnector(SprungConnector):
         return self.spring(stiffness)
 
     def plug_parts(self) -> list[ConnectorPart]:
-        """Return what the sleeve and its spring touch with, in P."""
+        """Return the pieces of the sleeve and its spring, in P."""
         reach, half = self._tips_radius, self.slot / 2
         channel = self.slot_depth - self.slot  # its near side
         rim = Sphere(self.lead_in)
@@ -267,7 +267,7 @@ class BncConnector(SprungConnector):
         ]
 
     def socket_parts(self) -> list[ConnectorPart]:
-        """Return what the barrel and its studs touch with, in S."""
+        """Return the pieces of the barrel and its studs, in S."""
         radius, length = self.barrel_radius, self.socket_length
         height = -self.setback - self.stud_radius
         parts = {
@@ -303,7 +303,7 @@ def _show(
     high: float,
     rgba: Array,
 ) -> None:
-    """Add an upright cylinder, to be seen only, m."""
+    """Add an upright cylinder that is only visible, m."""
     X = X_BF @ RigidTransform([0.0, 0.0, (low + high) / 2])
     name = f"bnc_{body.name()}_outside"
     plant.RegisterVisualGeometry(body, X, Cylinder(diameter / 2, high - low), name, rgba)

@@ -1,9 +1,9 @@
-"""What a connector is to whoever inserts it: a plug, a socket, and what they touch with.
+"""The interface of a connector: a plug, a socket, and the convex pieces that touch.
 
 Frame P of the plug: the origin in the middle of its leading face, z against the direction of
 insertion, x the long axis of a D. Frame S of the socket: the origin in the middle of the face that
 the plug reaches first, z out of the socket. P and S coincide where the plug, in line, just
-touches; the depth is how far P's origin is below S's.
+touches; the depth is the distance of P's origin below S's.
 """
 
 import math
@@ -59,10 +59,10 @@ class ConvexPiece(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ContactMaterial:
-    """How pieces touch; all of it is assumed."""
+    """Contact parameters of pieces; all of them are assumed."""
 
     stiffness: float = 4e6  # N/m, of a point contact
-    dissipation: float = 20.0  # s/m, of a point contact, as Hunt and Crossley
+    dissipation: float = 20.0  # s/m, of a point contact, of Hunt and Crossley
     friction: float = 0.2  # mu, Coulomb's
 
     def __post_init__(self) -> None:
@@ -76,7 +76,7 @@ class Connector(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of the connector."""
 
     @property
     def mated_depth(self) -> float:
@@ -84,7 +84,7 @@ class Connector(Protocol):
 
     @property
     def mating_force(self) -> float:
-        """Largest force that the insertion of a plug in line takes, N."""
+        """Largest force of the insertion of a plug in line, N."""
 
     @property
     def lead_in(self) -> float:
@@ -92,15 +92,15 @@ class Connector(Protocol):
 
     @property
     def mated_turn(self) -> float | None:
-        """Turn of a mated plug about z, rad, or half a turn from that; None: as it went in."""
+        """Turn of a mated plug about z, rad, or half a turn from that; None: unturned."""
 
     @property
     def largest_force(self) -> float:
-        """What plug and socket stand along any axis, N."""
+        """Force that plug and socket withstand along any axis, N."""
 
     @property
     def largest_torque(self) -> float:
-        """What plug and socket stand about any axis, N m."""
+        """Torque that plug and socket withstand about any axis, N m."""
 
     @property
     def mass(self) -> float:
@@ -136,7 +136,7 @@ def add_pieces(
     material: ContactMaterial,
     rgba: Array | None,
 ) -> None:
-    """Add the pieces of a part to a body, to be touched, and to be seen if they have a colour.
+    """Add the pieces of a part to a body, for contact, and visible if they have a colour.
 
     X_BP is the place of the part's frame on the body; the plant is not yet finalized.
     """
@@ -154,17 +154,17 @@ class ConnectorPart(NamedTuple):
     name: str
     pieces: list[ConvexPiece]
     material: ContactMaterial
-    rgba: Array | None  # None: it is not seen
+    rgba: Array | None  # None: invisible
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartsConnector:
-    """A connector of parts with tolerances; which of them touch is said by pairs."""
+    """A connector of parts with tolerances; pairs define which parts touch."""
 
     tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance
-    largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
-    largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
-    material: ContactMaterial = ContactMaterial()  # of all that is not a spring
+    largest_force: float = 100.0  # N, that plug and socket withstand along any axis; assumed
+    largest_torque: float = 1.5  # N m, that they withstand about any axis; assumed
+    material: ContactMaterial = ContactMaterial()  # of all pieces but the springs
 
     NAME: ClassVar[str]
     PARTNERS: ClassVar[Sequence[tuple[str, str]]]  # of the plug and of the socket, that touch
@@ -184,12 +184,12 @@ class PartsConnector:
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of the connector."""
         return self.NAME
 
     @property
     def mated_turn(self) -> float | None:
-        """It mates as it went in."""
+        """No turn."""
         return None
 
     def pick(self, limits: Range, *, tight: int) -> float:
@@ -228,10 +228,10 @@ class PartsConnector:
 
 @dataclass(frozen=True, kw_only=True)
 class SprungConnector(PartsConnector):
-    """A connector of parts, some of which are springs: their contact is as soft as they are."""
+    """A connector with springs among its parts: their stiffness is that of their contact."""
 
     spring_dissipation: float = 0.0
-    # s/m, of every spring, as Hunt and Crossley: what it takes depends on speed by that; assumed
+    # s/m, of every spring, of Hunt and Crossley: dependence of its force on speed; assumed
 
     MAY_BE_ZERO: ClassVar[Sequence[str]] = ("spring_dissipation",)
 
@@ -240,15 +240,15 @@ class SprungConnector(PartsConnector):
         require_not_negative(self, "spring_dissipation")
 
     def spring(self, stiffness: float) -> ContactMaterial:
-        """Return the material of a spring of a stiffness, N/m; it rubs as all else does."""
+        """Return the material of a spring of a stiffness, N/m, with the friction of the others."""
         return replace(self.material, stiffness=stiffness, dissipation=self.spring_dissipation)
 
 
 def let_touch(plant: MultibodyPlant, pairs: Sequence[tuple[str, str]]) -> None:
-    """Keep every part of a plug apart from every part of its socket but those of the pairs.
+    """Filter collisions between the parts of a plug and a socket, except for the pairs.
 
-    To be called after the plug and after the socket was added, in any order: a call filters what
-    is there. What belongs to no part is left alone. Each of the ``pairs`` is a part of the plug
+    Call it after the plug and after the socket was added, in any order: a call filters the
+    existing pieces. Pieces of no part are left alone. Each of the ``pairs`` is a part of the plug
     and a part of the socket that touch.
     """
     scene_graph = Parser(plant).scene_graph()  # the only way from a plant to its geometry
@@ -291,7 +291,7 @@ def box_corners(width: float, height: float, bottom: float, top: float) -> Array
 
 
 def at(*place: float) -> RigidTransform:
-    """Return the pose of a piece that is only moved, to x, y and z, m."""
+    """Return the pose of a piece at x, y and z, m, without a turn."""
     return RigidTransform(np.array(place))
 
 

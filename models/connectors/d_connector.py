@@ -2,11 +2,12 @@
 
 The plug's shell goes over the socket's. Both rims are round: spheres along the plug's rim touch
 the socket's walls and rim, spheres along the socket's rim touch the plug's walls and the bottom
-of its shell. Every such pair has a closed form, and the ends of the straight edges, where a tilted
-or turned D touches first, are among the spheres. The pin field is lumped into four pins, each
-between two tines: a tine is a block whose contact is as soft as the springs that it stands for,
-closer to the axis than the pin is thick. Two of the four are held along x, two along y, so that a
-plug in line feels no force across.
+of its shell. Every such pair has a closed form. The ends of the straight edges, where a tilted
+or turned D touches first, are among the spheres.
+
+The pin field is lumped into four pins, each between two tines. A tine is a block whose contact has
+the stiffness of the springs that it stands for; the gap between two tines is smaller than the pin.
+Two of the four are held along x, two along y, so that a plug in line feels no force across.
 """
 
 import math
@@ -125,16 +126,16 @@ class DConnector(SprungConnector):
     socket_corner: float = 2.59e-3  # m, radius of the shell's corners, outside
     lead_in: float = 0.5e-3  # m, radius of each rim; assumed
     travel: float = 5.6e-3  # m, from first touch in line to mated
-    contacts: int = 25  # how many pins and tines
+    contacts: int = 25  # number of pins, and of tines
     pitch: float = 2.77e-3  # m, between neighbours in a row of contacts
     pin_diameter: Range = (0.991e-3, 1.041e-3)  # m, of each pin
-    pin_funnel: float = 0.5e-3  # m, how far beside its place a pin still enters; assumed
+    pin_funnel: float = 0.5e-3  # m, largest error at which a pin still enters; assumed
     pin_recess: float = 1.0e-3  # m, of the pins' tips behind the plug's rim; assumed
     pin_depth: float = 2.5e-3  # m, of the plug where pins and tines first touch; assumed
     tine_force: float = 2.55  # N, of each of the two tines on a contact's pin; assumed, for 45 N
-    tine_deflection: float = 0.15e-3  # m, that a pin of middle diameter spreads it by; assumed
-    largest_force: float = 200.0  # N, that plug and socket stand along any axis; assumed
-    largest_torque: float = 5.0  # N m, that they stand about any axis; assumed
+    tine_deflection: float = 0.15e-3  # m, spread of each tine by a pin of middle diameter; assumed
+    largest_force: float = 200.0  # N, that plug and socket withstand along any axis; assumed
+    largest_torque: float = 5.0  # N m, that they withstand about any axis; assumed
     mass: float = 0.04  # kg, of the plug with its hood; assumed
 
     NAME: ClassVar[str] = "25-pin D"
@@ -179,11 +180,11 @@ class DConnector(SprungConnector):
 
     @property
     def mating_force(self) -> float:
-        """Largest force that the insertion of a plug in line takes, N: where the tines spread."""
+        """Largest force of the insertion of a plug in line, N: where the tines spread."""
         return float(self.pin_force(self.pin_depth + np.linspace(0, self._tine_reach, 500)).max())
 
     def with_mating_force(self, force: float) -> "DConnector":
-        """Return the same connector with tines that take another force, N."""
+        """Return the same connector with tines for another force, N."""
         return replace(self, tine_force=self.tine_force * force / self.mating_force)
 
     @property
@@ -263,13 +264,13 @@ class DConnector(SprungConnector):
 
     @property
     def _tine_spread(self) -> float:
-        """How far a pin spreads each tine, m."""
+        """Spread of each tine by a pin, m."""
         thicker = self.pick(self.pin_diameter, tight=1) - sum(self.pin_diameter) / 2
         return self.tine_deflection + thicker / 2
 
     @property
     def _tine_reach(self) -> float:
-        """How far a pin's centre is above the tines where they first touch, m."""
+        """Height of a pin's centre above the tines at their first contact, m."""
         inner = self._pin_radius - self._tine_spread
         return math.sqrt(self._pin_radius**2 - inner**2)
 

@@ -1,7 +1,7 @@
-"""A part of one's own: plug and socket of convex pieces out of mesh files.
+"""Your own part: plug and socket as convex pieces from mesh files.
 
-Each object of a Wavefront file (``o`` or ``g``, vertices ``v``, faces ``f``) is one convex piece;
-what isn't convex is divided first, by :func:`divide`: with CoACD (Wei, Liu, Ling and Su, 2022),
+Each object of a Wavefront file (``o`` or ``g``, vertices ``v``, faces ``f``) is one convex piece.
+:func:`divide` divides other solids first, with CoACD (Wei, Liu, Ling and Su, 2022),
 which is optional. The plug's file is in frame P, the socket's in frame S, as
 :mod:`chamfer.models.connectors.connector` has them: z against the direction of insertion, both
 origins where the parts in line just touch.
@@ -46,7 +46,7 @@ class MeshSolid:
 
     @cached_property
     def volume(self) -> float:
-        """What the triangles enclose, in the file's unit; positive if they face outwards."""
+        """Volume inside the triangles, in the file's unit; positive if they face outwards."""
         a, b, c = np.moveaxis(self.corners[self.triangles], 1, 0)
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
@@ -160,7 +160,7 @@ class MeshConnector(SprungConnector):
     """A plug and a socket from two files.
 
     With the tightest fit all pieces but the springs have grown to all sides, each face by half of
-    ``tolerance_width`` across the insertion, so that the depths are as they were.
+    ``tolerance_width`` across the insertion, so that the depths stay the same.
     """
 
     plug: str  # path of the .obj file of the plug
@@ -168,13 +168,13 @@ class MeshConnector(SprungConnector):
     unit: float = 0.001  # m, of the files' lengths
     mated_depth: float  # m, of a plug that is fully in
     springs: Mapping[str, float] = field(default_factory=dict)
-    # N/m, stiffness of the objects that give way, such as latches and contacts, by name; latch is
-    # each of "latch 0", "latch 1", as divided ones are called. Each is a ball in its middle, as
-    # wide as its smallest side, and has to stay so far out of what it touches
+    # N/m, stiffness of the compliant objects, such as latches and contacts, by name; latch is each
+    # of "latch 0", "latch 1", the names of divided ones. Each is a ball in its middle, as wide as
+    # its smallest side, whose centre stays outside of the piece that it touches
     seating_force: float | None = None
     # N, with which a part without springs counts as pressed home; None: it has springs
     tolerance_width: float = 0.0
-    # m, by which the width of a plug and that of a socket's opening are off at worst
+    # m, largest error of the width of a plug and of that of a socket's opening
     lead_in: float = 0.0005
     # m, depth up to which a plug beside its place still slides off sideways
     mass: float = 0.02  # kg, of the plug; assumed
@@ -224,12 +224,12 @@ class MeshConnector(SprungConnector):
 
     @property
     def name(self) -> str:
-        """What it is called: as the plug's file."""
+        """Name of the plug's file."""
         return Path(self.plug).stem
 
     @property
     def files_digest(self) -> str:
-        """Digest of what is in both files."""
+        """Digest of the contents of both files."""
         texts = [Path(path).read_bytes() for path in (self.plug, self.socket)]
         return hashlib.sha256(b"".join(texts)).hexdigest()[:16]
 
@@ -245,12 +245,12 @@ class MeshConnector(SprungConnector):
 
     @cached_property
     def mating_force(self) -> float:
-        """Largest force that the insertion of a plug in line takes, N.
+        """Largest force of the insertion of a plug in line, N.
 
         It is computed from the springs and friction, or is the force that presses the plug home.
 
         Raises:
-            ParameterError: If the springs take none, or plug and socket overlap in line.
+            ParameterError: If the springs need none, or plug and socket overlap in line.
         """
         if self.seating_force is not None:
             return self.seating_force
@@ -333,7 +333,7 @@ def _is_box(corners: Array) -> bool:
 
 
 def _names(solid: MeshSolid) -> list[str]:
-    """Return what an object goes by: its name, and that without the number behind it."""
+    """Return the names of an object: its name, and that without the number behind it."""
     stem, _, number = solid.name.rpartition(" ")
     return [solid.name, stem] if number.isdigit() else [solid.name]
 
@@ -343,13 +343,13 @@ def _corners(solids: tuple[MeshSolid, ...]) -> Array:
 
 
 def divide(source: Path, target: Path, *, concavity: float = _FINEST) -> float:
-    """Write the convex pieces of a file's solids to another, and return what they have too much.
+    """Write the convex pieces of a file's solids to another, and return their excess volume.
 
-    The pieces cover the solids and fill what is narrower than the concavity: look at them, and
-    make what has to fit exactly, such as the walls of a narrow hole, of convex objects yourself.
-    It takes seconds; the same file gives the same pieces. What is returned is the volume that the
-    pieces have more than the solids, as a share of the solids'. The concavity is what a piece may
-    have at most, as a share of the solid's size, 0.01 to 1.
+    The pieces cover the solids and fill gaps that are narrower than the concavity. Inspect them,
+    and make exact fits, such as the walls of a narrow hole, from convex objects yourself. It takes
+    seconds; the same file gives the same pieces. The excess volume of the pieces is a share of the
+    solids' volume. The concavity is the largest one of a piece, as a share of the solid's size,
+    0.01 to 1.
 
     Raises:
         ParameterError: If the concavity is not allowed.

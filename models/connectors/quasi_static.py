@@ -1,7 +1,7 @@
 """The force of a slow insertion in line, from the geometry of plug and socket alone.
 
-The plug goes straight down, step by step, upright and unturned. What presses on one side alone it
-gives way to, until forces across are in balance, as it does in the hand. Every pair of pieces that
+The plug goes straight down, step by step, upright and unturned. It gives way sideways until the
+forces across are in balance, as it does in the gripper. Every pair of pieces that
 overlaps is a spring with Coulomb friction against the motion; there are no masses and no damping.
 """
 
@@ -23,7 +23,7 @@ _FRICTION: Final = ("material", "coulomb_friction")
 
 
 class _Touch(NamedTuple):
-    """How two pieces touch."""
+    """The contact parameters of two pieces."""
 
     stiffness: float  # N/m, of both in series
     friction: float  # Coulomb's
@@ -46,9 +46,9 @@ class InLine:
         self._touches: dict[tuple[GeometryId, GeometryId], _Touch] = {}
 
     def balanced(self, depth: float, across: Array) -> tuple[float, Array]:
-        """Return the force against the insertion, N, and where the plug is across, m, shape (2,).
+        """Return the force against the insertion, N, and the plug's place across, m, shape (2,).
 
-        It is looked for from a place across on.
+        The search begins at a place across.
         """
         for _ in range(_ITERATIONS):
             force, slope = self._force(depth, across)
@@ -60,7 +60,7 @@ class InLine:
         return float(force[2]), across
 
     def _force(self, depth: float, across: Array) -> tuple[Array, Array]:
-        """Return the force on the plug, N, shape (3,), and how stiff it is across, (2, 2)."""
+        """Return the force on the plug, N, shape (3,), and its stiffness across, (2, 2)."""
         place = RigidTransform(np.array([*across, -depth]))
         self._plant.SetFreeBodyPose(self._context, self._body, place)
         query = self._plant.get_geometry_query_input_port().Eval(self._context)
@@ -91,7 +91,7 @@ class InLine:
 
 
 def insertion_force(connector: Connector, depth: Array) -> Array:
-    """Return the force against a slow insertion in line, N, at depths that grow, m."""
+    """Return the force against a slow insertion in line, N, at increasing depths, m."""
     plug, across, forces = InLine(connector), np.zeros(2), []
     for one in depth.tolist():
         force, across = plug.balanced(one, across)

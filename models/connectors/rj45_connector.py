@@ -2,9 +2,11 @@
 
 The plug is a block with a round leading rim, the jack a cavity with a round mouth and a stop at
 its end, flush in a plate. Spheres at the rim's corners touch the jack, spheres along the mouth
-touch the plug's sides. The latch is two noses on the plug, beside its tab, whose contacts are as
-soft as the lever that they stand for. On the way in they ride up a ramp each, and behind its edge
-they spring back, which is the click; pulled, they meet the edge. Opposed along x, they leave no
+touch the plug's sides.
+
+The latch is two noses on the plug, beside its tab, whose contacts have the stiffness of the lever
+that they stand for. On the way in each rides up a ramp, and behind the ramp's edge
+it springs back, which is the click; pulled, it meets the edge. Opposed along x, the noses leave no
 force across. The eight contacts are two soft spheres in the jack, which press on one side of the
 plug alone.
 
@@ -57,7 +59,7 @@ class Rj45Connector(SprungConnector):
     the drawings. In inches, which the text says are the original units, they come to 0.456 to
     0.464 and 0.256 to 0.260 of the plug, 0.468 to 0.474 and 0.263 to 0.269 of the jack. Forces:
     Neutrik's data sheet of the RJ45 receptacle NE8FDV-Y110 allows 20 N for the insertion of a
-    plug, and 20 N to withdraw it. The standard has a latched plug hold 50 N, from memory; this
+    plug, and 20 N to withdraw it. In the standard a latched plug holds 50 N, from memory; this
     latch, of two springs, gives way at less, :attr:`retention`.
     """
 
@@ -73,7 +75,7 @@ class Rj45Connector(SprungConnector):
     latch_radius: float = 1.2e-3  # m, of a nose's round end; assumed
     latch_angle: float = math.radians(20)  # rad, of the ramps from the insertion; assumed
     latch_place: float = 6e-3  # m, of the noses behind the plug's leading face; assumed
-    latch_play: float = 0.2e-3  # m, that a mated plug can be pulled until it is held; assumed
+    latch_play: float = 0.2e-3  # m, of a pull on a mated plug until the latch holds it; assumed
     contact_force: float = 1.0  # N, of each of eight contacts; 0.98 N (100 gf) from memory
     contact_deflection: float = 0.3e-3  # m, of a contact, by a plug on the wall opposite; assumed
     contact_depth: float = 5e-3  # m, of the contacts in the jack; assumed
@@ -135,11 +137,11 @@ class Rj45Connector(SprungConnector):
 
     @property
     def mating_force(self) -> float:
-        """Largest force that the insertion of a plug in line takes, N."""
+        """Largest force of the insertion of a plug in line, N."""
         return float(self.insertion_force(np.linspace(0.0, self.travel, 1000)).max())
 
     def with_mating_force(self, force: float) -> "Rj45Connector":
-        """Return the same connector with springs that take another force, N."""
+        """Return the same connector with springs for another force, N."""
         share = force / self.mating_force
         return replace(
             self, latch_force=share * self.latch_force, contact_force=share * self.contact_force
@@ -242,7 +244,7 @@ class Rj45Connector(SprungConnector):
 
     @property
     def _reach(self) -> float:
-        """How far behind the edge a nose's centre is where the nose leaves it, m."""
+        """Distance of a nose's centre behind the edge at which the nose leaves it, m."""
         return math.sqrt(self.latch_radius**2 - self._side**2)
 
     def _rim(self) -> list[ConvexPiece]:
@@ -284,7 +286,7 @@ class Rj45Connector(SprungConnector):
         return pieces
 
     def _bends(self) -> list[ConvexPiece]:
-        """Return the contacts' bends, bent as said by a plug that lies on the wall opposite."""
+        """Return the contacts' bends, deflected by a plug that lies on the wall opposite."""
         top = self._plug_size[1] - self._jack_size[1] / 2
         y = top + self.contact_radius - self.contact_deflection
         bend = Sphere(self.contact_radius)

@@ -8,9 +8,9 @@ would be, so that every pair that touches has a closed form:
 * the peg's side and end, two cylinders, against spheres round the hole's edge.
 
 In the directions of the spheres, and about any axis across, the parts are the round ones; between
-two of them the clearance is 8 % larger. A round peg has no turn, and so its pieces stand in the
-axes of the body that holds it, however the grasp has turned it: the hole's pieces stand likewise,
-and a peg that turns by 5 degrees on its way loses 0.04 mm of its radius.
+two of them the clearance is 8 % larger. A round peg has no turn. Its pieces therefore stand in the
+axes of the body that holds it, however the grasp has turned it, and so do the hole's pieces.
+A peg that turns by 5 degrees on its way loses 0.04 mm of its radius.
 """
 
 import math
@@ -50,10 +50,10 @@ _TOLERANCE_WIDTH: Final = 1e-4  # m, of the paper's parts; assumed
 
 
 def _round_presets() -> dict[str, dict[str, object]]:
-    """Return what a skill's peg has of the round parts that go by a name.
+    """Return the fields of a skill's peg for the named round parts.
 
-    Lengths along the axis are the gripper's and the skill's. The diameters are off by as large a
-    share of the clearance as the paper's may be.
+    Lengths along the axis are the gripper's and the skill's. The error of the diameters is as
+    large a share of the clearance as the paper's may be.
     """
     found: dict[str, dict[str, object]] = {}
     for name, given in PRESETS.items():
@@ -78,15 +78,15 @@ class RoundPeg(PartsConnector):
 
     hole_radius: float = _PAPER.hole_radius  # m, R of the bore; first paper, section 4
     peg_radius: float = _PAPER.peg_radius  # m, r of the peg; first paper, section 4
-    tolerance_width: float = _TOLERANCE_WIDTH  # m, by which each diameter is off at worst; assumed
+    tolerance_width: float = _TOLERANCE_WIDTH  # m, largest error of each diameter; assumed
     lead_in: float = 0.5e-3  # m, radius of the peg's rim and of the hole's edge, each; assumed
     depth: float = 0.015  # m, of the blind hole; assumed
     peg_length: float = 0.024  # m, from end to end; assumed
-    outer_radius: float = 0.014  # m, of what is seen of the part with the hole; assumed
+    outer_radius: float = 0.014  # m, of the visible part with the hole; assumed
     hole_length: float = 0.03  # m, of the part with the hole; assumed
     seating_force: float = 20.0  # N, with which the peg counts as pressed home; assumed
-    largest_force: float = 500.0  # N, that plug and socket stand along any axis; assumed
-    largest_torque: float = 10.0  # N m, that they stand about any axis; assumed
+    largest_force: float = 500.0  # N, that plug and socket withstand along any axis; assumed
+    largest_torque: float = 10.0  # N m, that they withstand about any axis; assumed
     material: ContactMaterial = ContactMaterial(friction=_PAPER.friction)  # of both
 
     NAME: ClassVar[str] = "round peg"
@@ -123,11 +123,11 @@ class RoundPeg(PartsConnector):
 
     @property
     def mating_force(self) -> float:
-        """Force that presses the peg home, N: in line nothing else is against it."""
+        """Force that presses the peg home, N: a peg in line meets nothing else."""
         return self.seating_force
 
     def with_mating_force(self, force: float) -> "RoundPeg":
-        """Return the same parts that are to be pressed home with another force, N."""
+        """Return the same parts with another force that presses the peg home, N."""
         return replace(self, seating_force=force)
 
     @property
@@ -158,7 +158,7 @@ class RoundPeg(PartsConnector):
 
     @property
     def _spread(self) -> float:
-        """What a radius is off by, m."""
+        """Error of a radius, m."""
         return self.tolerance_width / 2 if self.tolerance == "worst" else 0.0
 
     @property
