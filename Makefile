@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup reproduce test check docs bench profile size audit fuzz clean
+.PHONY: setup reproduce test check docs gallery bench profile size audit fuzz clean
 
 setup: .venv/ready
 
@@ -51,6 +51,12 @@ check: setup
 docs: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -W --keep-going -q -E -j 8 -d out/docs/doctrees docs out/docs/html
+
+# Stores the results in out/ for the site: figures, checks and replays, after
+# `chamfer reproduce --studies`. The still needs chamfer run insertion, and Chromium.
+gallery: setup
+	$(BIN)/python -m docs._ext.gallery out
+	$(BIN)/python -m docs._ext.stills out
 
 bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'

@@ -10,6 +10,7 @@ from typing import Final
 from docs._ext.blocks import ROOT
 
 DOCS: Final = ROOT / "docs"
+GALLERY: Final = DOCS / "gallery"
 STILLS: Final = {"insertion-3d.png": "insertion"}  # of an experiment's replay, in docs
 COMMANDS: Final = {  # by the pictures that they make
     "docs/insertion-3d.png": "python -m docs._ext.stills out",

@@ -1,7 +1,8 @@
-"""Writes the reference's pages when the site is built: blocks, index by figure, fields.
+"""Writes the reference's pages and the gallery's when the site is built.
 
-What they say stands in the code: docstrings, comments of fields, the experiments' metadata and the
-papers' values. A Sphinx extension; the pages are in ``docs/reference/generated``.
+Their texts come from the code: docstrings, comments of fields, the experiments' metadata and the
+papers' values. Figures and measured values come from ``docs/gallery``, drawings from the diagrams.
+A Sphinx extension; the pages are in ``docs/reference/generated``.
 """
 
 import inspect
@@ -17,14 +18,29 @@ from typing import Any, Final
 
 from docs._ext.blocks import ROOT, Block, Parameter, blocks, parameters_of, rooms
 from docs._ext.figure_index import Mention, mentions
+from docs._ext.gallery import STORED_REPLAY, stored
+from docs._ext.pictures import GALLERY
 from docs._ext.port_picture import port_picture
+from docs._ext.replays import SCRIPT, unpacked
+from docs._ext.result_pages import (
+    checks,
+    drawing,
+    figures,
+    gallery,
+    made,
+    paper_figures,
+    replay,
+)
+from docs._ext.rst import code, heading, indented, plain, table
 from sphinx.application import Sphinx
 
 from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.command.running import draw, prepare
 from chamfer.analysis.command.scenario_fields import allowed, default_texts, leaves
-from chamfer.analysis.report.check_text import relation, typeset
-from chamfer.analysis.report.checks import Published, load_paper
-from chamfer.analysis.report.fingerprint import code, digest
+from chamfer.analysis.report.checks import load_paper
+from chamfer.analysis.report.fingerprint import code as code_of
+from chamfer.analysis.report.fingerprint import digest
+from chamfer.analysis.report.results import RESULT
 from chamfer.analysis.scenario.experiment import Entry, load
 from chamfer.systems.primitives.skill import PRIMITIVES
 
@@ -37,6 +53,8 @@ _ENTRY: Final = re.compile(r"^ {4}(\S[^\n]*?): ", re.MULTILINE)
 def setup(app: Sphinx) -> dict[str, Any]:
     """Write the pages before Sphinx looks for them."""
     app.connect("builder-inited", lambda _: write_pages(FOLDER))
+    app.connect("build-finished", lambda app, _: write_replays(Path(app.outdir, "replays")))
+    app.add_css_file("gallery.css")
     return {"parallel_read_safe": True}
 
 
@@ -44,7 +62,8 @@ def write_pages(folder: Path) -> None:
     """Write all pages, unless they are of these sources; those of old are gone."""
     stamp = folder / "_stamp"  # Sphinx is told to pass over names that begin so
     own = sorted(Path(__file__).parent.glob("*.py"))
-    sources = digest(code(()).sources, *(path.read_bytes() for path in own)).hex()
+    own += sorted(GALLERY.rglob(RESULT))
+    sources = digest(code_of(()).sources, *(path.read_bytes() for path in own)).hex()
     if stamp.exists() and stamp.read_text(encoding="utf-8") == sources:
         return
     shutil.rmtree(folder, ignore_errors=True)
@@ -55,35 +74,46 @@ def write_pages(folder: Path) -> None:
     stamp.write_text(sources, encoding="utf-8")
 
 
+def write_replays(folder: Path) -> None:
+    """Write the page of each stored replay, and once the script that they share."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(SCRIPT, folder)
+    for path in GALLERY.glob(f"*/{STORED_REPLAY}"):
+        page = unpacked(path.read_bytes())
+        (folder / f"{path.parent.name}.html").write_text(page, encoding="utf-8")
+
+
 def _pages() -> Iterator[tuple[str, str]]:
     packages = [*rooms("systems"), *rooms("diagrams")]
     shown = [package for package in packages if blocks(package)]
     places = {block.path: block for package in shown for block in blocks(package)}
     for package in shown:
         yield f"blocks/{package}.rst", _blocks_page(package, places)
-    yield "blocks.rst", _index("Every block", f"{len(places)} blocks and loops, by room.", shown)
+    yield "blocks.rst", _index("Every block", f"{len(places)} blocks and loops, by folder.", shown)
     yield "primitives.rst", _primitives_page(places)
     yield "figures.rst", _figures_page(places)
     entries = CATALOGUE.entries
     yield "experiments.rst", _experiments_page(entries)
-    # What a field may be is tried, a minute's work in all.
+    yield "_gallery.rst", "\n".join(gallery(entries))
+    for paper in {entry.paper for entry in entries}:
+        yield f"_figures-{paper}.rst", "\n".join(paper_figures(paper))
+    # The values that a field allows are found by trial: a minute in all.
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        pages = pool.map(_experiment_page, entries)
-        for entry, page in zip(entries, pages, strict=True):
-            yield f"experiments/{entry.name}.rst", page
+        for files in pool.map(_experiment_files, entries):
+            yield from files.items()
 
 
 def _index(title: str, text: str, packages: Sequence[str]) -> str:
     toc = "\n".join(f"   blocks/{package}" for package in packages)
-    return f"{_heading(title)}\n{text}\n\n.. toctree::\n   :maxdepth: 2\n\n{toc}\n"
+    return f"{heading(title)}\n{text}\n\n.. toctree::\n   :maxdepth: 2\n\n{toc}\n"
 
 
 def _blocks_page(package: str, places: Mapping[str, Block]) -> str:
     storey, room = package.split(".")[1:]
     kind = "Blocks" if storey == "systems" else "Loops"
-    parts = [_heading(f"{kind}: {room}")]
+    parts = [heading(f"{kind}: {room}")]
     for block in blocks(package):
-        parts += [_heading(block.name, "-"), _block(block, places)]
+        parts += [heading(block.name, "-"), _block(block, places)]
     return "\n".join(parts)
 
 
@@ -98,21 +128,21 @@ def _block(block: Block, places: Mapping[str, Block]) -> str:
         body += [f"Fields of ``{name}``:", "", _parameter_table(parameters), ""]
     file = f"{block.module.replace('.', '/')}.py"
     body += [f"**In** ``{file}``: " + _prose(_of_source(block.source), places)]
-    inside = _indented("\n".join(body), 3)
+    inside = indented("\n".join(body), 3)
     return f".. {directive}:: {block.path}{block.signature}\n\n{inside}\n"
 
 
 def _primitives_page(places: Mapping[str, Block]) -> str:
     parts = [
-        _heading("Every primitive"),
-        "What a state of a skill runs, by the names that skills in files use; events are answered "
-        "by the state that runs it.\n",
+        heading("Every primitive"),
+        "Each state of a skill runs one primitive and answers its events. Skills in files use "
+        "these names.\n",
     ]
     for name, kind in PRIMITIVES.items():
         text = _prose(inspect.getdoc(kind) or "", places)
-        inside = _indented(f"{text}\n\n{_parameter_table(parameters_of(kind))}", 3)
+        inside = indented(f"{text}\n\n{_parameter_table(parameters_of(kind))}", 3)
         path = f"{kind.__module__}.{name}"
-        parts += [_heading(name, "-"), f".. py:class:: {path}\n\n{inside}\n"]
+        parts += [heading(name, "-"), f".. py:class:: {path}\n\n{inside}\n"]
     return "\n".join(parts)
 
 
@@ -147,16 +177,16 @@ def _prose(text: str, places: Mapping[str, Block]) -> str:
 
 def _parameter_table(parameters: Sequence[Parameter]) -> str:
     rows = [
-        (_code(one.name), _code(one.default), one.unit, _plain(one.meaning)) for one in parameters
+        (code(one.name), code(one.default), one.unit, plain(one.meaning)) for one in parameters
     ]
-    return _table(("field", "default", "unit", "meaning"), rows, "18 20 12 50")
+    return table(("field", "default", "unit", "meaning"), rows, "18 20 12 50")
 
 
 def _figures_page(places: Mapping[str, Block]) -> str:
     parts = [
-        _heading("Index by figure"),
-        "Which experiment remakes a figure, which block is a box of it, and where else it stands "
-        "in the code. Read from the docstrings and the experiments' metadata.\n",
+        heading("Index by figure"),
+        "The experiments that reproduce each figure, the blocks that implement it, and other "
+        "places in the code that name it. Source: docstrings and the experiments' metadata.\n",
     ]
     for paper, of_paper in groupby(mentions(), key=lambda one: one.paper):
         rows = [
@@ -165,8 +195,8 @@ def _figures_page(places: Mapping[str, Block]) -> str:
         ]
         header = ("in the paper", "experiments", "blocks and loops", "more in the code")
         parts += [
-            _heading(load_paper(paper, CATALOGUE).title, "-"),
-            _table(header, rows, "12 24 26 38"),
+            heading(load_paper(paper, CATALOGUE).title, "-"),
+            table(header, rows, "12 24 26 38"),
         ]
     return "\n".join(parts)
 
@@ -200,87 +230,75 @@ def _figure_row(
 
 def _experiments_page(entries: Sequence[Entry]) -> str:
     parts = [
-        _heading("Every experiment and its fields"),
-        "What ``chamfer list`` and ``chamfer fields NAME`` print. A default of ``null`` is "
-        "derived from other fields; what it comes to is in brackets.\n",
+        heading("Every experiment"),
+        "Each page has the figures, the checks, the block diagram and the fields of one "
+        "experiment. The :doc:`gallery </gallery>` shows all of them.\n",
     ]
     for paper, same in groupby(entries, key=lambda entry: entry.paper):
         names = "\n".join(f"   experiments/{entry.name}" for entry in same)
         parts += [
-            _heading(load_paper(paper, CATALOGUE).title, "-"),
+            heading(load_paper(paper, CATALOGUE).title, "-"),
             f".. toctree::\n   :maxdepth: 1\n\n{names}\n",
         ]
     return "\n".join(parts)
 
 
-def _experiment_page(entry: Entry) -> str:
-    experiment = load(entry)
-    scenario = experiment.default
-    where = (
-        f"{entry.figure} of {load_paper(entry.paper, CATALOGUE).title}"
-        if entry.figure
-        else "Our own"
-    )
+def _experiment_files(entry: Entry) -> dict[str, str]:
+    """Return the page of an experiment and its drawings."""
+    folder = f"experiments/{entry.name}"
+    with warnings.catch_warnings(action="ignore"):  # of a default that is unstable, as the paper's
+        (job,) = prepare([entry])
+        drawings = {name: svg for name, svg in draw(job).items() if name.endswith(".svg")}
+        fields = _fields_table(entry)
+    parts = [*_results_of(entry), *_drawings_of(folder, drawings)]
+    if (GALLERY / entry.name / STORED_REPLAY).exists():
+        parts += [heading("3-D replay", "-"), replay(entry.name)]
+    files = {f"{folder}.rst": "\n".join([*parts, heading("Fields", "-"), fields])}
+    return files | {f"{folder}/{name}": svg for name, svg in drawings.items()}
+
+
+def _results_of(entry: Entry) -> list[str]:
+    paper, result = load_paper(entry.paper, CATALOGUE), stored(entry.name)
+    where = f"{entry.figure} of {paper.title}" if entry.figure else "a study of this project"
     parts = [
-        _heading(entry.name),
-        f"{entry.summary[0].upper()}{entry.summary[1:]}. {_plain(where)}.\n",
+        heading(entry.name),
+        f"{entry.summary[0].upper()}{entry.summary[1:]}. {plain(where[0].upper() + where[1:])}.\n",
         f"::\n\n   chamfer run {entry.name}\n",
     ]
-    published = [
-        one for one in load_paper(entry.paper, CATALOGUE).published if one.experiment == entry.name
-    ]
-    if published:
-        parts += [_heading("Checks", "-"), _published_table(published)]
-    with warnings.catch_warnings(action="ignore"):  # of a default that is unstable, as the paper's
-        defaults = default_texts(scenario, experiment.resolve)
-        rows = [
-            (
-                _code(leaf.path),
-                _code(defaults[leaf.path]),
-                leaf.unit,
-                _plain(leaf.meaning),
-                _plain(allowed(scenario, leaf)),
-            )
-            for leaf in leaves(scenario)
-        ]
-    header = ("field", "default", "unit", "meaning", "allowed")
-    parts += [_heading("Fields", "-"), _table(header, rows, "26 14 8 32 20")]
-    return "\n".join(parts)
+    if result is None:
+        return parts
+    parts += [made(result), *figures(entry.name, result)]
+    if result["checks"]:
+        parts += [heading("Checks", "-"), checks(result["checks"], notes=True)]
+    return parts
 
 
-def _published_table(published: Sequence[Published]) -> str:
+def _drawings_of(folder: str, drawings: Mapping[str, str]) -> list[str]:
+    parts = [heading("Diagrams", "-")] if drawings else []
+    for name, svg in drawings.items():
+        chart = name.removesuffix(".svg").removeprefix("chart-").replace("-", " ")
+        text = "Block diagram" if name == "diagram.svg" else f"State chart: {chart}"
+        parts.append(drawing(f"/reference/generated/{folder}/{name}", svg, text))
+    return parts
+
+
+def _fields_table(entry: Entry) -> str:
+    experiment = load(entry)
+    scenario = experiment.default
+    defaults = default_texts(scenario, experiment.resolve)
     rows = [
-        (_code(one.metric), _plain(_expected(one)), one.kind, _plain(one.source))
-        for one in published
+        (
+            code(leaf.path),
+            code(defaults[leaf.path]),
+            leaf.unit,
+            plain(leaf.meaning),
+            plain(allowed(scenario, leaf)),
+        )
+        for leaf in leaves(scenario)
     ]
-    header = ("metric", "expected", "kind", "source")
-    return _table(header, rows, "30 20 14 36") + "\nMeasured: :doc:`/results`.\n"
-
-
-def _expected(one: Published) -> str:
-    return f"{typeset(relation({**vars(one), 'published': one.value}))} {one.unit}".strip()
-
-
-def _heading(text: str, mark: str = "=") -> str:
-    return f"{text}\n{mark * max(len(text), 4)}\n"
-
-
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]], widths: str) -> str:
-    lines = [".. list-table::", "   :header-rows: 1", f"   :widths: {widths}", ""]
-    for row in (header, *rows):
-        for i, cell in enumerate(row):
-            lines.append(f"   {'* -' if i == 0 else '  -'} {cell}".rstrip())
-    return "\n".join([*lines, ""])
-
-
-def _code(text: str) -> str:
-    return f"``{text}``" if text else ""
-
-
-def _plain(text: str) -> str:
-    """Return a text none of whose characters mean anything to reStructuredText."""
-    return re.sub(r"([\\*`|_\[\]<>])", r"\\\1", " ".join(text.split()))
-
-
-def _indented(text: str, by: int) -> str:
-    return "\n".join(" " * by + line if line else "" for line in text.splitlines())
+    text = (
+        "``--set FIELD=VALUE`` changes a field. A default of ``null`` is derived from other "
+        "fields; its derived value is in brackets.\n"
+    )
+    header = ("field", "default", "unit", "meaning", "allowed")
+    return "\n".join([text, table(header, rows, "24 16 8 30 22", name="fields")])
