@@ -1,1 +1,1 @@
-"""The loop that charges a crucible: its scenario, what is derived of it, and the wiring."""
+"""The loop that charges a crucible: its scenario, derived values, and the wiring."""

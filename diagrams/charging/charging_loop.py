@@ -1,4 +1,4 @@
-"""The loop that charges a crucible: the chart over the hybrid controller, and the world."""
+"""The loop that charges a crucible: the chart over the hybrid controller, and the cell."""
 
 import math
 from typing import Final
@@ -49,7 +49,7 @@ from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerP
 def make_charging_diagram(
     scenario: ResolvedCrucibleChargingScenario, *, controller: LeafSystem | None = None
 ) -> Diagram:
-    """Build the loop; it exports what happens in the world, and what chart and controller do.
+    """Build the loop; it exports the state of the cell, and the chart's and controller's outputs.
 
     The cycle knows the world by what it believes of the station and the nuggets, by the encoders,
     the wrist's force sensor and the gripper's part sensor.
@@ -192,7 +192,7 @@ def _add_observer(
     motion: EndpointMotion,
     mean: MovingAverage,
 ) -> None:
-    """Add what estimates the normal of what lies below from the mean force (chapter 4)."""
+    """Add the observer that estimates the normal below from the mean force (chapter 4)."""
     params, period, add = scenario.observer, scenario.controller.period, builder.AddNamedSystem
     connect, readings = builder.Connect, scenario.charging.detection.readings
     assert params is not None

@@ -1,4 +1,4 @@
-"""What may be set where the Adept with its wrist charges a crucible (thesis, section 1.1.2)."""
+"""Scenario of the Adept with its wrist that charges a crucible (thesis, section 1.1.2)."""
 
 import math
 from collections.abc import Mapping
@@ -120,7 +120,7 @@ _MEET: Final = {"wall_missing": ("wall",), "layer_missing": ("wall", "crown")}
 
 @dataclass(frozen=True, kw_only=True)
 class StationSettings:
-    """The cell, and what the cycle takes it to be."""
+    """The true cell, and the cycle's belief of it."""
 
     true: Station = Station()
     believed: StationLayout = StationLayout()
@@ -128,11 +128,11 @@ class StationSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TouchedSettings:
-    """What a nugget touches."""
+    """Contact of a nugget with a surface."""
 
     stiffness: float | None = None
-    # N/m, of the contact; None: derived by Hertz, of appendix B's materials, at the force wanted
-    damping: float = 150.0  # N s/m, of the contact; assumed, as the Adept's
+    # N/m, of the contact; None: derived by Hertz, of appendix B's materials, at the desired force
+    damping: float = 150.0  # N s/m, of the contact; assumed, like the Adept's
     friction: SurfaceFriction = SurfaceFriction(coefficient=0.3)  # of nuggets on it
 
     def __post_init__(self) -> None:
@@ -142,9 +142,9 @@ class TouchedSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class CrucibleWallSettings(TouchedSettings):
-    """The crucible's wall of fused silica, and how it stands."""
+    """The crucible's wall of fused silica, and its lean."""
 
-    lean: float = 0.0  # rad, by which the crucible stands off the vertical, its top towards +x
+    lean: float = 0.0  # rad, of the crucible from the vertical, its top towards +x
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -155,10 +155,10 @@ class CrucibleWallSettings(TouchedSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class LayerSettings(TouchedSettings):
-    """What a nugget is laid on: nuggets."""
+    """The layer of nuggets that a nugget is laid on."""
 
     damping: float = 50.0  # N s/m, of the contact; assumed
-    tilt: float = 0.0  # rad, by which the bed rises towards +x
+    tilt: float = 0.0  # rad, of the bed, which rises towards +x
     mass: float = 0.085  # kg, of the nugget that is pushed
     slip_friction: float = 0.5  # of that nugget on the bed, in which it is nestled; assumed
 
@@ -173,9 +173,9 @@ class LayerSettings(TouchedSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class BelievedMasses:
-    """What the cycle takes masses to be, over what they are."""
+    """Believed masses over the true ones."""
 
-    links: float | tuple[float, ...] = 1.0  # of the arm's links, one for all or a number each
+    links: float | tuple[float, ...] = 1.0  # of the arm's links, one for all or one for each
     items: float = 1.0  # of nuggets and filler
 
     def __post_init__(self) -> None:
@@ -186,13 +186,13 @@ class BelievedMasses:
 
 @dataclass(frozen=True, kw_only=True)
 class FaultParams:
-    """What goes wrong, once."""
+    """A fault, which occurs once."""
 
     kind: FaultKind = "none"
     # part_missing: the feeder has none; part_dropped: the gripper loses it; wall_missing,
-    # layer_missing: it is not there; contact_lost: a blow takes the nugget off; halt: the
+    # layer_missing: it does not exist; contact_lost: a blow lifts the nugget off; halt: the
     # operator's key; sensor_dead: the force sensor reads a constant from then on
-    state: str = "slew.over"  # the chart's, in which it happens; read where a kind has a time
+    state: str = "slew.over"  # state of the chart in which it occurs; read for kinds with a time
     item: int = 0  # index in the plan
     delay: float = 0.2  # s, after the state is entered
     duration: float | None = None  # s, of halt and blow; None: derived, 1 s and 0.1 s
@@ -211,7 +211,7 @@ class FaultParams:
             raise ParameterError("item", self.item, "a whole number >= 0")
 
     def require_met(self, kind: str) -> None:
-        """Refuse a fault that its item, wall, crown or bulk, does not come to.
+        """Refuse a fault that its item, wall, crown or bulk, never meets.
 
         Raises:
             ParameterError: If the item meets nothing that is missing, or is never in the state.
@@ -225,7 +225,7 @@ class FaultParams:
 
     @property
     def lasting(self) -> float:
-        """How long it acts, s; what is gone or dead stays so."""
+        """Its duration, s; infinite for a missing part or a dead sensor."""
         if self.kind in ("halt", "contact_lost"):
             usual = 1.0 if self.kind == "halt" else 0.1
             return usual if self.duration is None else self.duration
@@ -234,7 +234,7 @@ class FaultParams:
 
 @dataclass(frozen=True, kw_only=True)
 class CrucibleChargingScenario:
-    """Nuggets from a feeder, over a scanner, into a crucible, one after the other."""
+    """Nuggets that go from a feeder over a scanner into a crucible, one after the other."""
 
     ARM: ClassVar[Arm] = ADEPT_WRIST
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = SENSING
@@ -255,28 +255,28 @@ class CrucibleChargingScenario:
     feeder: ContactParams = ContactParams(
         stiffness=1500.0, damping=60.0, friction=SurfaceFriction(coefficient=0.3)
     )  # a nugget on the feeder's foam; assumed: a hard tray meets 15 cm/s with more than 20 N
-    touch_radius: float = 0.02  # m, of a nugget where it touches; assumed, as of 85 g
-    filler_mass: float = 0.5  # kg, of the empty bulk filler, which hangs as a nugget does
+    touch_radius: float = 0.02  # m, of a nugget where it touches; assumed, like one of 85 g
+    filler_mass: float = 0.5  # kg, of the empty bulk filler, which hangs like a nugget
     grasp: GraspParams = GraspParams()
     charging: ChargingParams = ChargingParams()
     controller: ControllerSettings = CONTROLLER
     sensing: Sensing = "ideal"
-    # no error of sensors or computer but what is told; realistic: what is open, as they are
+    # only errors that are set; realistic: open fields get realistic values
     sensor: ForceSensorParams = field(default_factory=ForceSensorParams)
     encoders: EncoderParams = field(default_factory=EncoderParams)
     homing: HomingParams = HomingParams(
         zero_error=(0.005, 0.005, 0.004, 0.02, 0.01, 0.01, 0.01),
         mark_distance=(0.05, 0.05, -0.02, 0.1, 0.05, 0.05, 0.05),
-    )  # what encoders are off before they pass their index marks; assumed
+    )  # errors of the encoders before they pass their index marks; assumed
     friction_compensation: BaseCompensationParams | None = None  # by a base sensor; None: none
     observer: SurfaceObserverParams | None = SurfaceObserverParams(
         smallest_radius=0.025, initial_deviation=0.2, model_error=ModelErrorParams(bias=0.05)
-    )  # of the normal of nuggets that are landed on, the bias what a tare leaves over; None: they
-    # are taken to be level
+    )  # of the normal of nuggets below, its bias the error after a tare; None: they are assumed
+    # to be level
     force_rate: ForceRateParams = ForceRateParams()  # for the observer
     fault: FaultParams = FaultParams()
     step: float = 1e-4  # s, of the arm's dynamics, friction and contact
-    duration: float | None = None  # s, at most; None: derived, a minute an item
+    duration: float | None = None  # s, at most; None: derived, a minute for each item
 
     def __post_init__(self) -> None:
         require_positive(self, "step", "filler_mass", "touch_radius")
@@ -319,7 +319,7 @@ class CrucibleChargingScenario:
         return ArmDynamics(self.ARM)
 
     def believed_dynamics(self) -> ArmDynamics:
-        """Return those that the controller takes them to be; its drives' rotors are known."""
+        """Return the believed ones of the controller; its drives' rotors are known."""
         model = self.dynamics()
         off = np.broadcast_to(self.believed_masses.links, self.ARM.num_joints)
         mass, inertia = model.chain.mass * off, model.chain.inertia * off[:, None, None]
@@ -327,7 +327,7 @@ class CrucibleChargingScenario:
         return model
 
     def places(self, *, believed: bool) -> tuple[ItemPlace, ...]:
-        """Return where each item of the plan goes, as it is or as the cycle takes it to be.
+        """Return the place of each item of the plan, for the true or the believed cell.
 
         Raises:
             ParameterError: As :func:`chamfer.models.charging.packing.places`.
@@ -337,7 +337,7 @@ class CrucibleChargingScenario:
 
     @property
     def nuggets(self) -> tuple[Nugget, ...]:
-        """What is in the gripper with each item, as it is; a bulk item with its filler."""
+        """The true load of the gripper with each item; a bulk item with its filler."""
         return tuple(
             replace(item.true_nugget, mass=item.mass + self.filler_mass)
             if item.kind == "bulk"
@@ -354,7 +354,7 @@ class CrucibleChargingScenario:
 
     @property
     def wall_contact(self) -> ContactParams:
-        """A nugget on the wall."""
+        """Contact of a nugget with the wall."""
         wall, force = self.wall, self.charging.wall_force
         derived = hertz_stiffness(SILICON, FUSED_SILICA, radius=self.touch_radius, force=force)
         return ContactParams(
@@ -363,7 +363,7 @@ class CrucibleChargingScenario:
 
     @property
     def layer_contact(self) -> LaidContact:
-        """A nugget on those below, each of which is as round."""
+        """Contact of a nugget with those below, all equally round."""
         layer, radius = self.layer, self.touch_radius / 2
         force = self.charging.layer_force
         derived = hertz_stiffness(SILICON, SILICON, radius=radius, force=force)
@@ -377,7 +377,7 @@ class CrucibleChargingScenario:
 
     @property
     def plant(self) -> ArmInContactParams:
-        """The arm, without what it touches."""
+        """The arm, without contacts."""
         held, window = updates_of(self.step, self.controller.period)
         return ArmInContactParams(
             joint_friction=self.arm.joint_friction,
@@ -401,7 +401,7 @@ CRUCIBLE_CHARGING: Final = CrucibleChargingScenario()
 
 
 def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]:
-    """Return two scenes an item: the gripper empty, then with the item in it.
+    """Return two scenes for each item: the gripper empty, then with the item in it.
 
     Empty, the fingers meet what stands in the feeder, or its ground where nothing does. With an
     item in the gripper it meets the wall with its side and what lies below with its bottom or
@@ -436,13 +436,13 @@ def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]
 
 
 def _below(scenario: CrucibleChargingScenario, nugget: Nugget, goal: ItemPlace) -> Surface:
-    """Return what the lowest point of a nugget meets at its place."""
+    """Return the surface that a nugget's lowest point meets at its place."""
     station, tilt = scenario.station.true, scenario.layer.tilt
     return goal.below(nugget, station.layer(goal.position, station.bed_height, tilt=tilt))
 
 
 def beliefs_of(scenario: ResolvedCrucibleChargingScenario) -> ChargingBeliefs:
-    """Return what the cycle knows of the cell."""
+    """Return the cycle's beliefs of the cell."""
     arm, station = scenario.ARM, scenario.station.believed
     error, distance = scenario.homing.for_joints(arm.num_joints)
     shown = arm.joint_positions(scenario.start, scenario.arm.elbow) + error
@@ -467,7 +467,7 @@ def chart_of(scenario: ResolvedCrucibleChargingScenario) -> ChargingChart:
 
 @dataclass(frozen=True, kw_only=True)
 class NuggetLoop(HybridScenario):
-    """The Adept with its wrist, pressing a nugget on a surface."""
+    """The Adept with its wrist that presses a nugget on a surface."""
 
     ARM: ClassVar[Arm] = ADEPT_WRIST
     SENSING: ClassVar[Mapping[Sensing, SensingValues]] = SENSING
@@ -481,12 +481,12 @@ class NuggetLoop(HybridScenario):
         return _BEFORE
 
     def make_surface(self) -> Surface:
-        """Return what the nugget touches."""
+        """Return the surface that the nugget touches."""
         return self.touched
 
 
 def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoop, ...]:
-    """Return the loops in which the plan's nuggets are pressed on something.
+    """Return the loops in which the plan's nuggets are pressed on a surface.
 
     A wall nugget slides along the wall at its place; a crown nugget is pressed on what lies below
     and follows it, with all position integrators held. Both as the world is.
@@ -540,7 +540,7 @@ def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoo
 
 
 def charging_stability(scenario: ResolvedCrucibleChargingScenario) -> Stability | None:
-    """Return growth and margins, the worst of all nuggets; None if none is pressed on anything.
+    """Return growth and margins, the worst of all nuggets; None if none is pressed.
 
     Raises:
         ParameterError: If a place is out of reach.
@@ -552,7 +552,7 @@ def charging_stability(scenario: ResolvedCrucibleChargingScenario) -> Stability 
 def _with_gains(
     scenario: CrucibleChargingScenario, control: ControllerSettings
 ) -> ControllerSettings:
-    """Return a controller without the whole model with a gain a joint, as the thesis' law has it.
+    """Return a controller without the full model, with one gain for each joint, as in the thesis.
 
     Where a nominal inertia is given, gains are multiplied by the diagonal of the believed mass
     matrix over it, where the first item is laid; with the transpose by that in coordinates.
@@ -580,7 +580,7 @@ def _with_gains(
 def _resolved_observer(
     scenario: CrucibleChargingScenario, sensor: ForceSensorParams
 ) -> ResolvedSurfaceObserverParams | None:
-    """Return the observer with what it is told of gripper and sensor; it is given mean forces."""
+    """Return the observer with its settings for gripper and sensor; it receives mean forces."""
     given, gripper, charging = scenario.observer, scenario.gripper, scenario.charging
     if given is None:
         return None
@@ -604,7 +604,7 @@ _TIME_EACH = 60.0  # s, that an item may take
 
 
 def resolve_charging(scenario: CrucibleChargingScenario) -> ResolvedCrucibleChargingScenario:
-    """Return the scenario with what it leaves open filled in, and checked.
+    """Return the scenario with its open fields filled in, and checked.
 
     Sensors and computer are what ``sensing`` says. The controller knows gravity at the start, as
     a constant, and the arm's whole model or its diagonal, with the masses that are believed.

@@ -1,4 +1,4 @@
-"""The charging cell to look at: arm, crucible, feeder, scanner, and the nuggets where they are.
+"""A view of the charging cell: arm, crucible, feeder, scanner, and the nuggets.
 
 It is no part of a loop. Whoever has positions of joints and nuggets sets them and publishes.
 """

@@ -82,14 +82,14 @@ _SENSORS: Final[Mapping[Sensing, BaseSensorParams]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class BaseCompensationParams(FrictionCompensationParams):
-    """Friction compensation with the torques that a sensor under the base shows."""
+    """Friction compensation with the torques from a sensor under the base."""
 
     bandwidth: float = 10.0  # Hz, of the estimate's first-order lag; assumed
     joints: tuple[int, ...] | None = (0, 1, 2)
     # indices of those compensated; None: all. Friction of the wrist is below the sensor's noise
     rest_speed: float = 1e-3
-    # rad/s, m/s of the quill: of a joint that the command moves less the estimate is kept; 0: it
-    # follows also where a joint is to stand, which then hunts
+    # rad/s, m/s of the quill: a joint that the command moves slower keeps its estimate; 0: the
+    # estimate also follows at joints at rest, which then limit-cycle
     sensor: BaseSensorParams = BaseSensorParams()
 
     def __post_init__(self) -> None:
@@ -97,6 +97,6 @@ class BaseCompensationParams(FrictionCompensationParams):
         require_not_negative(self, "rest_speed")
 
     def filled(self, sensing: Sensing) -> "BaseCompensationParams":
-        """Return the parameters with the sensor that ``sensing`` says."""
+        """Return the parameters with the sensor of ``sensing``."""
         left_open = missing(self.sensor, _SENSORS[sensing])
         return replace(self, sensor=replace(self.sensor, **left_open))  # type: ignore[arg-type]

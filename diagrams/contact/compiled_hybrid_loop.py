@@ -92,7 +92,7 @@ _Noise = tuple[Array, Array, Array, Array]
 
 
 def run_compiled(scenario: HybridScenario, seed: int) -> dict[str, Array] | None:
-    """Return what the diagram of a resolved scenario exports, a row a period.
+    """Return the exports of a resolved scenario's diagram, one row each period.
 
     None if only the diagram can do it: with another arm or surface than the built-in ones, while
     laws are recorded, and if the run ends early: the diagram says why.
@@ -157,7 +157,7 @@ def _loop_of(scenario: HybridScenario) -> _Loop | None:
 
 
 def _noise_of(scenario: HybridScenario, loop: _Loop, rows: int, seed: int) -> _Noise:
-    """Return what the diagram's noise sources show, in its order."""
+    """Return the outputs of the diagram's noise sources, in its order."""
     sensor, updates = loop.sensor, (rows - 1) * loop.counts[1]
     normal, uniform, channels = Random.kGaussian, Random.kUniform, len(sensor.bias)
     rough, jitter, scatter, drift = drawn_noise(
@@ -172,7 +172,7 @@ def _noise_of(scenario: HybridScenario, loop: _Loop, rows: int, seed: int) -> _N
 
 @compiled
 def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
-    """Return what the loop does, a row before each tick, and whether it goes on to the end.
+    """Return the loop's rows, one before each tick, and whether it runs to the end.
 
     At a tick controller, detection, compensation and delay act first, on what was before it and
     the noise of before; then arm, sensor and encoders go on, also from what was before it, with

@@ -1,4 +1,4 @@
-"""The arms that touch: the planar one in its crucible, the Puma 250 and the Adept One.
+"""The arms in contact: the planar one in its crucible, the Puma 250 and the Adept One.
 
 A class is an arm, a constant the scenario of a figure (chapters 2 and 3). With ``Scenario`` in its
 name a class runs its loop several times.

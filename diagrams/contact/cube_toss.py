@@ -23,7 +23,7 @@ _POINT: Final = 1e-3  # m, radius of the spheres at the corners
 
 
 class TossContact(NamedTuple):
-    """How cube and board touch."""
+    """Contact between cube and board."""
 
     approximation: Approximation  # of contact, by Drake
     stiffness: float | None  # N/m, of each part; None: Drake's, for 1 mm under the weight
@@ -72,7 +72,7 @@ def rotations(orientation: Array) -> Rotation:
 
 
 def fly(diagram: Diagram, toss: cube.Toss) -> Flight:
-    """Simulate a toss from its first row on, for as long as it was recorded.
+    """Simulate a toss from its first row on, for the length of its recording.
 
     Recorded angular velocities are in the cube's axes, the plant's are in the board's.
     """

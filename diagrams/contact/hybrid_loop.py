@@ -146,7 +146,7 @@ def add_friction_compensation(
     manipulator: Manipulator,
     controller: LeafSystem,
 ) -> OutputPort:
-    """Add what the scenario asks for between a controller and its arm; return the torque."""
+    """Add the scenario's compensation between a controller and its arm; return the torque."""
     torque = controller.GetOutputPort("torque")
     if scenario.friction_compensation is None:
         return torque
@@ -173,7 +173,7 @@ def add_kick(builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContac
 
 
 def kick_of(scenario: HybridScenario) -> tuple[float, Array] | None:
-    """Return the blow's begin, s, and its force on the tip, N, shape (3,), for a step of the arm.
+    """Return the blow's start, s, and its force on the tip, N, shape (3,), for a step of the arm.
 
     It begins half a step early, so that rounding decides neither its first sample nor its last.
     """

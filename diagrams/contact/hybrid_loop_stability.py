@@ -56,15 +56,15 @@ _FOLLOWS: Final = 1e-5  # s, in which a tip without mass and damping comes to re
 class LinearLoop(NamedTuple):
     """A loop in one of its modes."""
 
-    name: str  # what it does where
+    name: str  # mode and place
     mode: int
     arm: Plant  # with the force sensor's filter
-    law: Sampled  # with what the computer makes of the encoders
+    law: Sampled  # with the computer's processing of the encoders
     period: float  # s
     delay: float = 0.0  # s, of the torque
 
     def period_map(self, factor: float = 1.0, delay: float = 0.0) -> Array:
-        """Return what a period does to the states, with a factor and further delay of the torque.
+        """Return the one-period map of the states, with a factor and further delay of the torque.
 
         The delay is in s.
         """
@@ -72,7 +72,7 @@ class LinearLoop(NamedTuple):
         return closed(arm, self.law, factor)
 
     def growth_rate(self, factor: float = 1.0, delay: float = 0.0) -> float:
-        """Return how fast the loop grows, 1/s; infinite where numbers overflow."""
+        """Return the loop's growth rate, 1/s; infinite where numbers overflow."""
         with np.errstate(all="ignore"):
             return growth_rate(self.period_map(factor, delay), self.period)
 
@@ -131,7 +131,7 @@ def _slope(function: Callable[[Array], Array], x: Array) -> Array:
 
 
 class _Linearised:
-    """A scenario with all that does not depend on the mode."""
+    """A scenario with all quantities that do not depend on the mode."""
 
     def __init__(self, scenario: HybridScenario) -> None:
         self._scenario = scenario
@@ -186,7 +186,7 @@ class _Linearised:
         return np.asarray(-way * self._scenario.surface.friction.at(state.p_WC) * along)
 
     def _stretch(self, state: ArmState, drag: Array) -> Array:
-        """Return by how much the gripper gives at rest, m, shape (3,), world frame; rigid: 0."""
+        """Return the gripper's deflection at rest, m, shape (3,), world frame; rigid: 0."""
         stretch, gripper = np.zeros(3), self._scenario.gripper
         if gripper is None:
             return stretch
@@ -259,7 +259,7 @@ class _Linearised:
         return Plant(flow, drive, motion, np.eye(m, len(flow), states), late)
 
     def _pose(self, q: Array, mode: int) -> Pose:
-        """Return what the controller knows of the arm at q."""
+        """Return the controller's knowledge of the arm at q."""
         scenario, n = self._scenario, len(q)
         jacobian = scenario.ARM.jacobian
         # At rest in contact the force integral has undone the offset of the switch. Out of it
@@ -274,7 +274,7 @@ class _Linearised:
         return Pose(self._at_rest(q).mass, jacobian(q), turning, sinking)
 
     def _reading(self, R_WE: Array) -> Array:
-        """Return what the force sensor makes of a force on the tip, shape (m, 3)."""
+        """Return the map from a force on the tip to the sensor's reading, shape (m, 3)."""
         scenario, sensor = self._scenario, self._scenario.sensor
         felt: Array = gauges(sensor, scenario.arm.contact_offset).pick_up @ R_WE.T
         if isinstance(sensor, LoadCellParams):
@@ -292,7 +292,7 @@ _BLAMED: Final[Mapping[str, dict[str, Any]]] = {
 
 
 class Stability(NamedTuple):
-    """How a loop's small motions grow, and what it bears; the worst of its modes."""
+    """Growth and margins of a loop's small motions; the worst of its modes."""
 
     growth: float | None  # 1/s, out of contact; None: it never is
     growth_contact: float  # 1/s
@@ -356,7 +356,7 @@ def require_stable(scenario: HybridScenario) -> None:
 
 
 def refuse_or_warn(found: str, name: str, control: Any, remedy: str) -> None:
-    """Refuse a controller's setting for what was found, or warn with ``allow_unstable``."""
+    """Refuse a controller's setting for a reason, or warn with ``allow_unstable``."""
     if not control.allow_unstable:
         allowed = f"{remedy}: {found} (or controller.allow_unstable=true)"
         raise ParameterError(f"controller.{name}", getattr(control, name), allowed)
@@ -364,7 +364,7 @@ def refuse_or_warn(found: str, name: str, control: Any, remedy: str) -> None:
 
 
 def resolve(scenario: HybridScenarioT) -> HybridScenarioT:
-    """Return the scenario with what it leaves open filled in, and checked.
+    """Return the scenario with its open fields filled in, and checked.
 
     Raises:
         ParameterError: If blocks refuse their parameters, the arm can't reach the task, or the

@@ -1,4 +1,4 @@
-"""What may be set in a hybrid position/force loop, whatever the arm, and what it leaves open."""
+"""Scenarios of hybrid position/force loops for any arm, and their derived fields."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -72,7 +72,7 @@ _MOST_TRIALS = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class FreeArmSettings:
-    """The arm's pose and friction; the rest of it is in its URDF."""
+    """The arm's elbow and friction; the rest is in its URDF."""
 
     joint_friction: JointFrictionParams
     elbow: Elbow = "negative"  # sign of the elbow joint
@@ -83,7 +83,7 @@ class FreeArmSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class ContactArmSettings(FreeArmSettings):
-    """An arm that touches with one point of its own."""
+    """An arm that touches with one point."""
 
     contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     # m, of the point that touches, in the endpoint's frame
@@ -91,7 +91,7 @@ class ContactArmSettings(FreeArmSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class UnevenPlane(ContactParams, Unevenness):
-    """A surface's material, and how it differs from what the controller takes it to be."""
+    """A surface's material, and its difference from the controller's belief."""
 
     def __post_init__(self) -> None:
         ContactParams.__post_init__(self)
@@ -100,12 +100,12 @@ class UnevenPlane(ContactParams, Unevenness):
 
 @dataclass(frozen=True, kw_only=True)
 class ContactTask(ApproachParams):
-    """What the arm is to do: approach, touch and push."""
+    """Task of the arm: approach, touch and push."""
 
     force: float  # N, desired
-    nugget_mass: float = 0.185  # kg, what the surface is protected from (appendix C)
-    kick_time: float | None = None  # s, of a blow that takes the tip off the surface; None: none
-    kick_speed: float = 0.2  # m/s, that the blow gives it
+    nugget_mass: float = 0.185  # kg, of the nugget that must not damage the surface (appendix C)
+    kick_time: float | None = None  # s, of a blow that lifts the tip off; None: none
+    kick_speed: float = 0.2  # m/s, of the tip after the blow
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -113,23 +113,23 @@ class ContactTask(ApproachParams):
 
     @property
     def ways(self) -> tuple[float, ...]:
-        """In which directions the tip slides along, 1 for ahead and -1 for back."""
+        """Directions in which the tip slides, 1 for ahead and -1 for back."""
         return ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingTask(GuardedMotionParams, ContactTask):
-    """The same, and slide along."""
+    """The same, with a slide along the surface."""
 
     @property
     def ways(self) -> tuple[float, ...]:
-        """In which directions the tip slides along, 1 for ahead and -1 for back."""
+        """Directions in which the tip slides, 1 for ahead and -1 for back."""
         return (1.0, -1.0) if self.amplitude else ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneTask(SlidingTask):
-    """The same on a plane, which is where the task wants it."""
+    """The same on a plane at the task's distance."""
 
     distance: float  # m, from the start to the plane
 
@@ -140,7 +140,7 @@ class PlaneTask(SlidingTask):
 
 @dataclass(frozen=True, kw_only=True)
 class HybridScenario(ABC):
-    """An arm, its controller, what it touches and what it is to do."""
+    """An arm, its controller, surface and task."""
 
     ARM: ClassVar[Arm]
     SENSING: ClassVar[Mapping[Sensing, SensingValues]]
@@ -183,11 +183,11 @@ class HybridScenario(ABC):
     @property
     @abstractmethod
     def distance(self) -> float:
-        """Distance from the start to where the tip should touch, m."""
+        """Distance from the start to the desired contact point, m."""
 
     @abstractmethod
     def make_surface(self) -> Surface:
-        """Return what the tip touches."""
+        """Return the surface that the tip touches."""
 
     @property
     def direction(self) -> Array:
@@ -201,7 +201,7 @@ class HybridScenario(ABC):
 
     @property
     def touching(self) -> Array:
-        """The endpoint where it should touch, shape (m,)."""
+        """The endpoint at the desired contact, shape (m,)."""
         return np.array(self.task.start) + self.distance * self.direction
 
     def joint_positions(self, endpoint: Array) -> Array:
@@ -229,18 +229,18 @@ class HybridScenario(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class OnPlane(HybridScenario):
-    """A loop that touches a plane which is nearly what the controller takes it to be."""
+    """A loop at a plane that nearly agrees with the controller's belief."""
 
     surface: UnevenPlane
     task: PlaneTask
 
     @property
     def distance(self) -> float:
-        """Distance from the start to where the tip should touch, m."""
+        """Distance from the start to the desired contact point, m."""
         return self.task.distance
 
     def make_surface(self) -> Surface:
-        """Return the plane through the point where the tip should touch."""
+        """Return the plane through the desired contact point."""
         task, surface = self.task, self.surface
         q = self.joint_positions(self.touching)
         normal, along = -_spatial(task.direction), _spatial(task.along)
@@ -270,7 +270,7 @@ HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 
 
 def fill(scenario: HybridScenarioT) -> HybridScenarioT:
-    """Return the scenario with all that it leaves open, stable or not.
+    """Return the scenario with its open fields filled in, stable or not.
 
     Sensors and computer are what ``sensing`` says. The controller knows gravity at the start, as
     a constant (section 2.1.2), and with full dynamics the inertia where it should touch.

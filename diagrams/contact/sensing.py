@@ -1,4 +1,4 @@
-"""Sensors and computer of an arm: as ideal as in the paper's figure, or as they are.
+"""Sensors and computer of an arm: ideal as in the paper's figure, or realistic.
 
 What is ideal is not there.
 """
@@ -41,7 +41,7 @@ EXACT: Final = EncoderParams(counts=0.0, velocity="exact", bandwidth=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class SensingValues:
-    """What is taken for the fields that a scenario leaves open."""
+    """Values for the fields that a scenario leaves open."""
 
     sensor: SensorParams
     encoders: EncoderParams = EXACT
@@ -57,19 +57,19 @@ class ControllerSettings(HybridControllerParams):
     computation_delay: float | None = None
     # s, from the sensors to the torque, 0 to a period; None: derived from ``sensing``
     computation_jitter: float | None = None
-    # s, half-width of what the delay is off; None: derived from ``sensing``
+    # s, half-width of the delay's variation; None: derived from ``sensing``
     allow_unstable: bool = False  # True: run a loop that is unstable
 
 
 def ideal(sensor: Params) -> Params:
-    """Return the sensor with what it leaves open as if there were nothing of it."""
+    """Return the sensor with its open fields set to no imperfection."""
     nothing = dict.fromkeys(missing(sensor, sensor), 0.0)
     at_tip = dict.fromkeys({"position", "origin"} & nothing.keys(), (0.0, 0.0, 0.0))
     return replace(sensor, **{**nothing, **at_tip})  # type: ignore[arg-type]
 
 
 def sensor_of(given: Params, values: SensingValues) -> Params:
-    """Return the sensor with what it leaves open; its place only where moments are read."""
+    """Return the sensor with its open fields filled in; its place only if it reads moments."""
     left_open = missing(given, values.sensor)
     if isinstance(given, ForceSensorParams) and isinstance(given.cross_talk, float):
         left_open["position"] = (0.0, 0.0, 0.0)
@@ -77,7 +77,7 @@ def sensor_of(given: Params, values: SensingValues) -> Params:
 
 
 def encoders_of(given: EncoderParams, values: SensingValues) -> EncoderParams:
-    """Return the encoders with what they leave open; a bandwidth that fits to the velocity."""
+    """Return the encoders with open fields filled in; the bandwidth suits the velocity."""
     left_open = missing(given, values.encoders)
     if given.velocity is not None and given.bandwidth is None:
         left_open["bandwidth"] = _TRACKED if given.velocity == "tracked" else 0.0
@@ -85,7 +85,7 @@ def encoders_of(given: EncoderParams, values: SensingValues) -> EncoderParams:
 
 
 def computer_of(control: ControllerSettings, values: SensingValues) -> ControllerSettings:
-    """Return the controller with what it leaves open of its computer."""
+    """Return the controller with its computer's open fields filled in."""
     delay, jitter = control.computation_delay, control.computation_jitter
     if delay is None:
         delay = values.computation_delay
@@ -97,7 +97,7 @@ def computer_of(control: ControllerSettings, values: SensingValues) -> Controlle
 
 
 def push_errors(sensor: SensorParams, direction: Array, R_WE: Array) -> tuple[float, float]:
-    """Return by how much a push that is measured without contact is off, N: by noise, by bias.
+    """Return the errors of a push measured without contact, N: by noise, by bias.
 
     ``direction``, shape (m,), is that of the push in endpoint coordinates, R_WE the endpoint's
     orientation where it should touch; the sensor is resolved.
@@ -136,7 +136,7 @@ def add_encoders(
     *,
     period: float,
 ) -> OutputPort:
-    """Add encoders to a motion, (2n,), that starts at rest, (n,); return what they show, (2n,)."""
+    """Add encoders to a motion, (2n,), that starts at rest, (n,); return their output, (2n,)."""
     if params.exact:
         return motion
     encoders = builder.AddNamedSystem("encoders", Encoders(params, start, period=period))
@@ -173,7 +173,7 @@ def add_force_in_world(
     *,
     coordinates: int,
 ) -> OutputPort:
-    """Turn a wrist sensor's reading, (k,), into the world; return that of arm on surface, N.
+    """Express a wrist sensor's reading, (k,), in the world; return the arm's force, N.
 
     It has as many ``coordinates`` as the endpoint vector: x, y, z, then zeros.
     """

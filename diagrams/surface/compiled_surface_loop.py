@@ -46,12 +46,12 @@ class _Loop(NamedTuple):
     control: HybridCode
     error: Array  # (samples, 2d), N and N/s, of the sensor
     late: int  # samples
-    share: float  # of a step of the force that the filter takes up; 0: its rate is sensed
+    share: float  # of a step of the force after one period of the filter; 0: its rate is sensed
     events: tuple[Flags, Flags]  # whether sensor and controller tick, contact and plant step
 
 
 class _Now(NamedTuple):
-    """What changes."""
+    """The changing state of the loop."""
 
     motion: Array  # (2d,), m and m/s, nominal
     contact: Array  # (5d + 1,), of :func:`next_contact`
@@ -64,7 +64,7 @@ class _Now(NamedTuple):
 def run_compiled(
     scenario: ResolvedTrackingScenario, samples: int, seed: int
 ) -> dict[str, Array] | None:
-    """Return what the diagram exports, a row a period of the controller, and one at the start.
+    """Return the diagram's exports, one row each controller period, and one at the start.
 
     None while laws are recorded, and where the diagram has to tell why it cannot go on.
     """
@@ -140,7 +140,7 @@ def run_compiled(
 
 @compiled
 def _shown(loop: _Loop, now: _Now, rows: Array, drawn: int) -> Array:
-    """Return force and rate as those who use them see them, shape (2d,), with a sample of noise.
+    """Return force and rate at their users' inputs, shape (2d,), with a sample of noise.
 
     That is the present tick's, and the next one's for averages and filters, which tick after it.
     """
@@ -158,7 +158,7 @@ def _shown(loop: _Loop, now: _Now, rows: Array, drawn: int) -> Array:
 
 @compiled
 def _command(loop: _Loop, now: _Now, normal: Array, measured_force: Array) -> None:
-    """Let task and controller make an effort of what they see."""
+    """Compute the effort of task and controller from their inputs."""
     d, memory = len(normal), now.memory
     n, x, v = normal / math.sqrt(normal @ normal), now.motion[:d].copy(), now.motion[d:].copy()
     now.held[:] = moved_along(loop.task, n, x, now.held, True)

@@ -1,4 +1,4 @@
-"""The observer watches a gripper that is led along an unknown surface (Fig. 5-1)."""
+"""An observer of a gripper that follows a given path along an unknown surface (Fig. 5-1)."""
 
 import math
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ class LeadSettings:
 
     depth: float = 0.1  # m, below the surface's origin
     speed: float = 0.2  # m/s, along x until the halt
-    halt: float = 15.0  # s, after the motion along x began; from then on it stands still
+    halt: float = 15.0  # s, after the motion along x began; afterwards it is at rest
     hover: float = 0.0  # s, above the surface before
     press: float = 0.0  # s, then, into the surface and back
     sideways: float = 0.0  # m, of the path beside the origin, in space
@@ -75,7 +75,7 @@ class LeadSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class EstimationScenario(SurfaceScenario):
-    """A gripper that is led along the surface, with the thesis' observer by default."""
+    """A gripper on a given path along the surface, with the thesis' observer by default."""
 
     lead: LeadSettings = LeadSettings()
 

@@ -1,4 +1,4 @@
-"""What may be set where a gripper slides on an unknown surface (chapters 4 and 5)."""
+"""Scenarios of a gripper that slides on an unknown surface (chapters 4 and 5)."""
 
 import math
 from dataclasses import dataclass, fields, replace
@@ -59,9 +59,9 @@ _FIELDS: Final[dict[SurfaceShape, dict[str, object]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceSettings:
-    """A rigid surface through the origin, level there but for waves; y is up, or z in space.
+    """A rigid surface through the origin, level there except for waves; y is up, or z in space.
 
-    What a shape does not have stays None.
+    Fields that a shape does not have stay None.
     """
 
     shape: SurfaceShape = "parabola"
@@ -120,14 +120,14 @@ class SurfaceSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverSettings(SurfaceObserverParams):
-    """The observer, and what it may have been told of the surface.
+    """The observer, and its prediction of the surface.
 
-    A mean over its period has less noise than the last sample of it. Of force and nominal motion
-    alike it is that of the contact point, which is late by half of what it is taken over.
+    A mean over the period has less noise than the period's last sample. If force and nominal
+    motion are both averaged, the result is that of the contact point, delayed by half the period.
     """
 
     prediction: SurfaceSettings | None = None  # the surface as a camera saw it, section 4.5
-    average: int = 1  # samples of the sensor, and of the nominal motion, whose mean it is given
+    average: int = 1  # samples of the sensor and of the nominal motion in its mean
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -153,7 +153,7 @@ class SurfaceScenario:
     friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1
     gripper: GripperCompliance = GripperCompliance()
     sensor: ForceRateSensorParams = ForceRateSensorParams()
-    force_delay: float = 0.0  # s, by which force and rate are late, whole samples of the sensor
+    force_delay: float = 0.0  # s, delay of force and rate, whole samples of the sensor
     force_rate: ForceRateParams | None = None  # None: the rate is sensed; else differenced
     observer: ObserverSettings = THESIS
     duration: float = 20.0  # s, of the run
@@ -204,7 +204,7 @@ class SurfaceScenario:
 
 
 def require_calibration(observer: SurfaceObserverParams, *, free: float, pressed: float) -> None:
-    """Raise :class:`ParameterError` where an observer would calibrate on what is not there.
+    """Raise :class:`ParameterError` if an observer's calibration finds no suitable motion.
 
     Args:
         observer: The observer.
@@ -237,10 +237,10 @@ class ResolvedSurfaceScenario(SurfaceScenario):
 def resolved_fields(scenario: SurfaceScenario) -> dict[str, Any]:
     """Return the scenario's fields, with the surface's defaults and the observer's assumptions.
 
-    The observer knows gripper and sensor as they are, unless it is told otherwise.
+    The observer knows the true gripper and sensor, unless its fields are set.
 
     Raises:
-        ParameterError: If the observer is told of a gripper in other dimensions, or there is no
+        ParameterError: If the observer's gripper has other dimensions, or there is no
             such surface.
     """
     given, d = scenario.observer, scenario.dimension
@@ -268,7 +268,7 @@ def resolved_fields(scenario: SurfaceScenario) -> dict[str, Any]:
 
 
 def derived_observer(given: SurfaceObserverParams, **derived: object) -> dict[str, Any]:
-    """Return what an observer is not told, by field, of what may be derived for it."""
+    """Return the observer's open fields that can be derived, with their values."""
     if given.kind != "adaptive":
         del derived["rate_lag"]
     return {name: value for name, value in derived.items() if getattr(given, name) is None}
@@ -341,7 +341,7 @@ def add_observed_contact(
 def _shown(
     builder: DiagramBuilder, scenario: SurfaceScenario, sensor: ForceRateSensor
 ) -> dict[str, OutputPort]:
-    """Add what is between the sensor and those who use it; returns force and rate."""
+    """Add the processing between the sensor and its users; return force and rate."""
     d, period = scenario.dimension, scenario.sensor_period
     names = ["measured_force", "measured_force_rate"]
     if scenario.force_rate is not None:

@@ -49,7 +49,7 @@ class TrackingGains(HybridGains):
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingTask(SurfaceMotionParams):
-    """What is to be done along the surface (5-6), and where that begins.
+    """Task along the surface (5-6), and its start.
 
     The motion is along n x z in the plane, and along n x -y in space.
     """
@@ -174,7 +174,7 @@ def always_in_contact(gains: HybridGains) -> HybridControllerParams:
 
 
 def tracking_loop(scenario: TrackingScenario) -> LinearLoop:
-    """Return the loop where it begins, sliding along the surface, with a normal that is known.
+    """Return the loop at its start, sliding along the surface, with a known normal.
 
     Left out is the observer: what its normal does with the force is not linear. The tip slides,
     so that Coulomb's friction is in it. The contact force acts at once; the block updates it
@@ -204,7 +204,7 @@ def tracking_stability(scenario: TrackingScenario) -> Stability:
 
 
 def surface_motion(scenario: TrackingScenario) -> SurfaceMotion:
-    """Return the block that makes the task of the normal."""
+    """Return the block that computes the task from the normal."""
     axis = (0.0, 0.0, 1.0) if scenario.dimension == 2 else (0.0, -1.0, 0.0)
     return SurfaceMotion(
         scenario.task, start=scenario.start, axis=axis, period=scenario.controller.period

@@ -66,14 +66,14 @@ _PUMA_SENSING: Final[Mapping[Sensing, SensingValues]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class UnknownWallSettings(ContactParams, SurfaceSettings):
-    """A wall through the point where the arm takes it to be, turned and bent as nobody told it.
+    """A wall through its believed point, with a tilt and a shape that are unknown to the arm.
 
-    The shape's up is against the approach, its x along the motion; a shape of the plane is drawn
-    out at right angles to both.
+    The shape's up is against the approach, its x along the motion. A plane shape is extruded at
+    right angles to both.
     """
 
-    tilt: float = 0.0  # rad, by which the wall rises along the motion
-    roll: float = 0.0  # rad, by which it rises sideways, in space
+    tilt: float = 0.0  # rad, of the wall, which rises along the motion
+    roll: float = 0.0  # rad, of the wall, which rises sideways, in space
 
     def __post_init__(self) -> None:
         ContactParams.__post_init__(self)
@@ -111,8 +111,8 @@ class UnknownWallTask(ContactTask):
 
     distance: float  # m, from the start to the wall
     slide_speed: float  # m/s, V_d of (5-6), along the wall
-    slide_acceleration: float = 0.1  # m/s^2, with which it is reached
-    wait: float = 0.2  # s, of each contact, in which the observer is not given the force
+    slide_acceleration: float = 0.1  # m/s^2, up to that speed
+    wait: float = 0.2  # s, at the start of each contact, without force to the observer
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,7 +121,7 @@ class UnknownWallTask(ContactTask):
 
     @property
     def ways(self) -> tuple[float, ...]:
-        """In which directions the tip slides along, 1 for ahead and -1 for back."""
+        """Directions in which the tip slides, 1 for ahead and -1 for back."""
         return (math.copysign(1.0, self.slide_speed),)
 
     @property
@@ -134,7 +134,7 @@ class UnknownWallTask(ContactTask):
 
 @dataclass(frozen=True, kw_only=True)
 class UnknownWallScenario(HybridTrials):
-    """An arm that is told where a wall is, roughly, and estimates its normal."""
+    """An arm that knows a wall's approximate place, and estimates its normal."""
 
     surface: UnknownWallSettings
     gripper: GripperCompliance
@@ -169,7 +169,7 @@ class UnknownWallScenario(HybridTrials):
 
     @property
     def spatial_up(self) -> Array:
-        """Unit vector out of the wall as it is believed to be, shape (3,)."""
+        """Unit vector out of the believed wall, shape (3,)."""
         return unit(-np.array([*self.task.direction, 0.0][:3]))
 
     @property
@@ -180,14 +180,14 @@ class UnknownWallScenario(HybridTrials):
 
     @property
     def stiffness(self) -> tuple[tuple[float, ...], ...]:
-        """The gripper's K where the tip should touch, in the world's axes, N/m, by rows."""
+        """The gripper's K at the desired contact, in the world's axes, N/m, by rows."""
         R_WE = self.dynamics().orientation(self.joint_positions(self.touching))
         d = self.dimension
         rows = (R_WE @ np.array(self.gripper.matrix(3)) @ R_WE.T)[:d, :d]
         return tuple(map(tuple, ((rows + rows.T) / 2).tolist()))
 
     def make_surface(self) -> Surface:
-        """Return the wall, through the point where the tip should touch."""
+        """Return the wall, through the desired contact point."""
         q = self.joint_positions(self.touching)
         point = self.dynamics().evaluate(q, np.zeros(len(q))).p_WC
         return self.surface.placed(point, along=self.spatial_along, up=self.spatial_up)
@@ -323,7 +323,7 @@ _RESOLVED: Final = {one.ARM.name: one for one in (_ResolvedAdept, _ResolvedPuma,
 
 
 def resolve_wall(scenario: UnknownWallScenario) -> ResolvedUnknownWallScenario:
-    """Return the scenario with what controller and observer are told filled in, and checked.
+    """Return the scenario with controller's and observer's open fields filled in, and checked.
 
     The observer knows the gripper's stiffness, turned as it is where the tip should touch, and
     the noise of the force sensor and of the rate that is differenced from it.
@@ -352,14 +352,18 @@ def make_unknown_wall_diagram(
 ) -> Diagram:
     """Build the loop.
 
-    Outputs: the arm's ``encoders``, ``contact_force``, ``contact`` and ``tip``; the controller's
-    ``torque``, ``position_error`` and ``force_error``; the ``mode`` of contact; the observer's
-    ``normal``, ``covariance``, ``deviation`` and ``status``, and what it is given,
-    ``measured_force``, ``measured_force_rate`` (before the wait) and ``nominal_motion``.
+    Outputs:
 
-    Controller and observer know the arm by its encoders and its force sensor alone. Before contact
-    the arm follows the guarded approach; in contact the observer's normal makes selection, desired
-    force and motion; lost contact is sought along the last normal.
+    * the arm's ``encoders``, ``contact_force``, ``contact`` and ``tip``;
+    * the controller's ``torque``, ``position_error`` and ``force_error``;
+    * the ``mode`` of contact;
+    * the observer's ``normal``, ``covariance``, ``deviation`` and ``status``;
+    * its inputs ``measured_force``, ``measured_force_rate`` (before the wait) and
+      ``nominal_motion``.
+
+    Controller and observer know the arm only by its encoders and its force sensor. Before contact
+    the arm follows the guarded approach. In contact the observer's normal sets selection, desired
+    force and motion. The arm searches lost contact along the last normal.
 
     Args:
         scenario: What the blocks are like.

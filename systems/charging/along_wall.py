@@ -1,11 +1,11 @@
-"""Contact with what lies below, of a nugget that is also at the wall."""
+"""Contact with the layer below, for a nugget that is also at the wall."""
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 
 class AlongWall(LeafSystem):
-    """Takes the wall's normal out of force and motion.
+    """Removes the components along the wall's normal from force and motion.
 
     .. pydrake_system::
 
@@ -18,10 +18,11 @@ class AlongWall(LeafSystem):
         - force_along
         - motion_along
 
-    What is left of the force is the layer's, and friction at the wall, which is along the motion:
-    in the wall's tangent plane section 4.1 holds as it does with a single contact. ``force``,
-    shape (3,), N; ``motion``, shape (6,), m and m/s; ``wall``, shape (3,), its unit normal, zeros
-    where there is no wall.
+    The rest of the force comes from the layer and from friction at the wall, which is along the
+    motion. So section 4.1 holds in the wall's tangent plane as it does with a single contact.
+
+    ``force``, shape (3,), N; ``motion``, shape (6,), m and m/s; ``wall``, shape (3,), its unit
+    normal, zeros where there is no wall.
     """
 
     def __init__(self) -> None:

@@ -1,9 +1,8 @@
-"""The charging cycle as a law: the thesis' modes, nugget by nugget, and what stops them.
+"""The charging cycle as a law: the thesis' modes for each nugget, and the faults that stop them.
 
 Source: Fig. 1-3 and sections 1.1.2 and 6.2 name the modes and their limits. The states within a
-mode, the halt at any instant and the safe stop are our own. The command goes on from where it is
-at each change of state; a halt keeps it on its path, at rest, and what was pressed on stays
-pressed on.
+mode, the halt at any instant and the safe stop are this project's. At each change of state the
+command continues from its present value. A halt keeps it at rest on its path, and keeps the force.
 """
 
 import math
@@ -50,10 +49,10 @@ _MORE: Final = 2.0  # by which what the nugget's inertia shows at most is exceed
 
 
 class _Guards:
-    """What is true at a tick.
+    """The guards of the chart at a tick.
 
-    Troubles are counted, and contact is told by the mean of the last readings: noise alone decides
-    nothing.
+    Troubles are counted, and the mean of the last readings shows contact, so that noise alone
+    decides nothing.
     """
 
     def __init__(self, params: ResolvedChargingParams, motions: ChargingMotions) -> None:
@@ -101,7 +100,7 @@ class _Guards:
         return x * tick.memory.normal[0] + y * tick.memory.normal[1]
 
     def _off(self, memory: ChargingMemory, inputs: ChargingInputs) -> float:
-        """Return how far the arm is from its command, m, but for what is under force control."""
+        """Return how far the arm is from its command, m, outside of the force domain."""
         pairs = zip(inputs.endpoint_motion[:3], inputs.desired_position[:3], strict=True)
         error = [arm - command for arm, command in pairs]
         for normal in memory.pressed:
@@ -110,7 +109,7 @@ class _Guards:
         return math.hypot(*error)
 
     def arrived(self, tick: ChargingTick) -> bool:
-        """Whether the segment's goal is reached; not of the segment before."""
+        """Whether the goal of the present segment is reached, not that of the one before."""
         late = tick.time_in_state >= 1.5 * self._params.period
         return late and tick.inputs.progress[0] >= _ARRIVED
 
@@ -118,9 +117,9 @@ class _Guards:
         return all(abs(one) < _AT_REST for one in tick.inputs.desired_velocity)
 
     def stays(self, tick: ChargingTick) -> bool:
-        """Whether it stands and is not to be moved: by the operator, or not knowing why it is off.
+        """Whether the arm must stay: halted by the operator, or with an unexplained error.
 
-        A dead sensor or too much force are answered by backing off.
+        After a dead sensor or too much force the arm backs off.
         """
         unsure = tick.memory.trouble in (ChargingTrouble.OFF_PATH, ChargingTrouble.LATE)
         return (unsure or self.stop_asked(tick)) and self.stands(tick)
@@ -147,7 +146,7 @@ class _Guards:
         return lambda tick: self.arrived(tick) and self._motions.kind(tick.memory.item) == kind
 
     def weighed_bulk(self, tick: ChargingTick) -> bool:
-        """Whether the bulk filler is taken up, which is not scanned."""
+        """Whether the bulk filler, which is not scanned, is picked up."""
         return self.rested(tick) and self._motions.kind(tick.memory.item) == "bulk"
 
     def last(self, tick: ChargingTick) -> bool:
@@ -166,14 +165,14 @@ class _Guards:
         return tick.inputs.halt is not None and tick.inputs.halt[0] > 0.5
 
     def halted(self, tick: ChargingTick) -> bool:
-        """Whether the cycle is to be halted; what is stopped by a failure stays so."""
+        """Whether the cycle must halt; a cycle that a failure stopped stays stopped."""
         return self.stop_asked(tick) and not tick.memory.trouble
 
     def resumed(self, state: str) -> Guard:
         return lambda tick: tick.memory.left == state and not self.stop_asked(tick)
 
     def trouble(self, tick: ChargingTick) -> ChargingTrouble:
-        """Return what may happen in any state; NONE once the cycle is being stopped."""
+        """Return a trouble that can occur in any state; NONE once the cycle is stopping."""
         memory = tick.memory
         if memory.trouble:
             return ChargingTrouble.NONE
@@ -266,7 +265,7 @@ def tares(state: str) -> bool:
 
 
 def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> ChargingChart:
-    """Return the chart; a cycle that can't go on ends in ``stopped`` with a reason."""
+    """Return the chart; a cycle that can't continue ends in ``stopped`` with a reason."""
     motions = ChargingMotions(params, beliefs)
     guards = _Guards(params, motions)
     below: tuple[tuple[str, str, Guard, Motion], ...] = (
@@ -407,7 +406,7 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
 
 
 class _Actions:
-    """What the chart does."""
+    """The actions of the chart."""
 
     def __init__(
         self, guards: _Guards, motions: ChargingMotions, touches: tuple[_Touch, ...]
@@ -431,7 +430,7 @@ class _Actions:
         return memory._replace(below=memory.into_layer(normal))
 
     def wait(self, tick: ChargingTick) -> ChargingMemory:
-        """Stand still; what is touched on the last way, or lost meanwhile, is not overlooked."""
+        """Stand still, and notice a contact made on the last segment or lost meanwhile."""
         memory = tick.memory
         for source, target, _, guard, _ in self._touches:
             if source == memory.left and guard(tick):
@@ -447,7 +446,7 @@ class _Actions:
     def enter(
         self, target: str, motion: Motion | None
     ) -> Callable[[ChargingTick], ChargingMemory]:
-        """Return the action of a way into a state, with a new motion or without."""
+        """Return the action at the entry to a state, with a new motion or without."""
 
         def entered(tick: ChargingTick) -> ChargingMemory:
             memory = tick.memory
@@ -504,7 +503,7 @@ class _Actions:
         return stopped
 
     def abort(self, state: str, tick: ChargingTick) -> ChargingMemory:
-        """Stop as by a failure; what has failed already keeps why."""
+        """Stop as after a failure; an earlier failure keeps its reason."""
         trouble = tick.memory.trouble
         stopped = self.stop(trouble or ChargingTrouble.ABORTED)(tick)
         return stopped._replace(trouble_at=tick.memory.trouble_at) if trouble else stopped
@@ -527,7 +526,7 @@ _INPUTS: Final = {
 
 
 class ChargingLaw(ChartLaw[ChargingInputs, ChargingMemory]):
-    """Charges a crucible, nugget by nugget, by its parameters and what it believes of the cell."""
+    """Charges a crucible, nugget by nugget, with its parameters and its beliefs of the cell."""
 
     def __init__(self, params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> None:
         ends = {DONE: 1.0, STOPPED: 2.0}
@@ -562,7 +561,7 @@ class ChargingLaw(ChartLaw[ChargingInputs, ChargingMemory]):
 
 @lru_cache(maxsize=64)
 def _selection(pressed: tuple[Vector3, ...]) -> tuple[float, ...]:
-    """Return the position domain, row by row: all but the ways into what is pressed on."""
+    """Return the position domain, row by row: all but the directions under force control."""
     domain = np.eye(COORDINATES)
     for normal in pressed:
         domain = domain @ position_selection(np.array([*normal, *[0.0] * (COORDINATES - 3)]))

@@ -46,28 +46,38 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
         - trouble
         - state
 
-    ``endpoint_motion``, shape (14,), by the encoders; ``desired_position``, ``desired_velocity``,
-    shape (7,) each, and ``progress``, size 1, what
-    :class:`chamfer.systems.trajectory.path_follower.PathFollower` gives; ``measured_force``, shape
-    (3,), N, of the nugget on its environment, world axes, tared, and ``mean_force``, shape (3,),
-    N, the mean of its last readings, by which contact is told. Size 1 each: ``held``, 1 with a
-    part in the gripper; ``homed``, 1 with the encoders' zeros known; ``alive``, 1 while the force
-    sensor works; ``halt``, 1 while the operator wants all to stand still. ``layer_normal``, shape
-    (3,), unit, of what lies below, as an observer estimates it.
+    Inputs:
 
-    ``segment``, shape (25,), and ``hold``, size 1, are for the path follower; ``mode``, size 1,
-    ``desired_force``, shape (7,), N, and ``selection``, shape (49,), for the hybrid controller.
-    ``below``, shape (3,), is the direction into what lies below that is taken for true; for the
-    observer ``restart``, size 1, is 1 while nothing is pressed on below, and ``wall``, shape (3,),
-    the direction into a wall that is pressed on meanwhile, else zeros.
-    Size 1 each: ``grip``, 1 to close the gripper; ``tare``, 1 while the force sensor's zero is
-    taken; ``item``, index in the plan; ``finished``, 1 done, 2 stopped, 0 before; ``trouble``,
-    :class:`chamfer.systems.charging.charging_params.ChargingTrouble`.
+    * ``endpoint_motion``, shape (14,), from the encoders.
+    * ``desired_position``, ``desired_velocity``, shape (7,) each, and ``progress``, size 1, from
+      :class:`chamfer.systems.trajectory.path_follower.PathFollower`.
+    * ``measured_force``, shape (3,), N, of the nugget on its environment, world axes, tared.
+    * ``mean_force``, shape (3,), N, the mean of its last readings, which shows contact.
+    * ``held``, size 1, is 1 with a part in the gripper.
+    * ``homed``, size 1, is 1 with the encoders' zeros known.
+    * ``alive``, size 1, is 1 while the force sensor works.
+    * ``halt``, size 1, is 1 while the operator halts the cycle.
+    * ``layer_normal``, shape (3,), unit, is an observer's estimate of the normal below.
+
+    Outputs:
+
+    * ``segment``, shape (25,), and ``hold``, size 1, for the path follower.
+    * ``mode``, size 1, ``desired_force``, shape (7,), N, and ``selection``, shape (49,), for the
+      hybrid controller.
+    * ``below``, shape (3,), the direction into the surface below that the chart assumes.
+    * ``restart``, size 1, for the observer: 1 while nothing below is pressed.
+    * ``wall``, shape (3,), for the observer: the direction into a wall that is pressed too, else
+      zeros.
+    * ``grip``, size 1, is 1 to close the gripper.
+    * ``tare``, size 1, is 1 while the force sensor's zero is taken.
+    * ``item``, size 1, index in the plan; ``state``, that of the chart.
+    * ``finished``, size 1: 1 done, 2 stopped, 0 before.
+    * ``trouble``, size 1, a :class:`chamfer.systems.charging.charging_params.ChargingTrouble`.
     """
 
     def __init__(self, params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> None:
         super().__init__(ChargingLaw(params, beliefs))
 
     def reason(self, context: Context) -> str:
-        """Return what stopped the cycle, in words; "" if nothing did."""
+        """Return the reason why the cycle stopped, in words; "" if it did not."""
         return self.snapshot(context).memory.said()

@@ -1,4 +1,4 @@
-"""Where the charging cycle's motions go: segments for each item, from what is believed."""
+"""Motions of the charging cycle: segments for each item, from the believed cell."""
 
 import math
 from typing import Final, Literal
@@ -38,10 +38,10 @@ Motion = Literal[
 
 
 class ChargingMotions:
-    """The segments that the chart asks for.
+    """The segments that the chart requests.
 
-    Each starts where the command is now, so that it never jumps; what was under force control
-    starts where the arm is.
+    Each starts at the present command, so that the command never jumps. Directions that were
+    under force control start at the arm's position.
     """
 
     def __init__(self, params: ChargingParams, beliefs: ChargingBeliefs) -> None:
@@ -53,7 +53,7 @@ class ChargingMotions:
         return math.cos(azimuth), math.sin(azimuth), 0.0
 
     def kind(self, item: int) -> str:
-        """Return what an item is: wall, crown or bulk."""
+        """Return an item's kind: wall, crown or bulk."""
         return self._beliefs.plan[item].kind
 
     @property
@@ -67,7 +67,7 @@ class ChargingMotions:
         return on if on and on.nugget.mass >= self._params.follow_mass else None
 
     def mass(self, item: int) -> float:
-        """Return an item's mass, kg, as it is believed."""
+        """Return an item's believed mass, kg."""
         return self._nugget(item).mass
 
     def segment(self, motion: Motion, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
@@ -168,7 +168,7 @@ class ChargingMotions:
         return self._pose(x, y, lowest, item, math.remainder(place.azimuth, 2 * math.pi))
 
     def _landing(self, item: int) -> tuple[float, float]:
-        """Return where an item lands, m: on a nugget before its place, nearer to that's middle."""
+        """Return where an item lands, m: on a nugget, before its place, nearer to the middle."""
         (x, y), (nx, ny, _) = self._place(item).position, self.normal(item)
         on = self.followed(item)
         if on is None:
@@ -188,7 +188,7 @@ class ChargingMotions:
         return _along(at_place, self.normal(item), beyond)
 
     def _now(self, memory: ChargingMemory, inputs: ChargingInputs) -> Vector7:
-        """Return the command, but for what is under force control, where the arm is."""
+        """Return the command; in the force domain, the arm's position."""
         command = inputs.desired_position
         for n in memory.pressed:
             off = zip(n, inputs.endpoint_motion[:3], command[:3], strict=True)

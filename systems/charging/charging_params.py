@@ -1,4 +1,4 @@
-"""What the charging cycle is told, what its chart reads, and what it remembers."""
+"""Parameters, inputs and memory of the charging cycle's chart."""
 
 import math
 from dataclasses import dataclass
@@ -24,11 +24,11 @@ _CLEAR: Final = 2.0  # thresholds by one another, at least
 
 @dataclass(frozen=True, kw_only=True)
 class TouchDetectionParams:
-    """What is contact with the wall, and its loss."""
+    """Thresholds for contact with the wall and for its loss."""
 
-    readings: int = 16  # of the force, a period each, whose mean is looked at
+    readings: int = 16  # force readings, one each period, whose mean counts
     detect: float | None = None  # N, a larger mean is contact; None: derived from the noise
-    release: float = 0.15  # N, a mean not above it is its loss; assumed, an eighth of the force
+    release: float = 0.15  # N, a mean not above it is a loss; assumed, an eighth of the force
 
     def __post_init__(self) -> None:
         require_not_negative(self, "release")
@@ -39,14 +39,14 @@ class TouchDetectionParams:
                 raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
 
     def resolved(self, noise: float, bias: float = 0.0) -> "ResolvedTouchDetectionParams":
-        """Return the parameters with what noise and bias ask for filled in.
+        """Return the parameters, with open ones derived from noise and bias.
 
         Args:
             noise: N, half-width of the measured push without contact.
-            bias: N, the most that it is off on average.
+            bias: N, its largest error on average.
 
         Raises:
-            ParameterError: If the bias alone would be taken for contact.
+            ParameterError: If the bias alone would count as contact.
         """
         detect = self.detect
         if detect is None:
@@ -64,7 +64,7 @@ class ResolvedTouchDetectionParams(TouchDetectionParams):
     detect: float
 
 
-# Modes of the hybrid controller beside those of contact detection: what is pressed on.
+# Modes of the hybrid controller beyond those of contact detection: the pressed surfaces.
 ON_BOTH: Final = 3  # wall and layer
 ON_LAYER: Final = 4
 LEVEL: Final = (0.0, 0.0, -1.0)  # into a level layer
@@ -80,42 +80,42 @@ class ChargingParams:
     scan_speed: float = 0.03  # m/s, constant over the scanner; section 1.1.2
     slew_time: float = 2.5  # s, from the scanner into the crucible; section 1.1.2
     approach_speed: float = 0.08  # m/s, towards the wall; at most 0.10, section 1.1.2
-    seek_speed: float = 0.01  # m/s, near where the wall is believed; assumed
-    land_speed: float = 0.004  # m/s, near where the layer is believed; assumed
+    seek_speed: float = 0.01  # m/s, near the wall's believed place; assumed
+    land_speed: float = 0.004  # m/s, near the layer's believed place; assumed
     slide_speed: float = 0.02  # m/s, down the wall; assumed
     travel_speed: float = 0.25  # m/s, between feeder and scanner, and out; assumed
     turn_speed: float = 1.5  # rad/s, of the endpoint's angles; assumed
     acceleration: float = 0.5  # m/s^2, of all straight motions; assumed
-    stop_acceleration: float = 5.0  # m/s^2, with which it stops where it touches; assumed
+    stop_acceleration: float = 5.0  # m/s^2, of the stop at contact; assumed
     wall_force: float = 1.2  # N, on the wall while sliding; less than 2, section 1.1.2
-    seat_force: float = 0.7  # N, on the wall while set down, whose layer may slope; assumed
-    touch_force: float = 2.0  # N, down, that tells the nugget in the feeder; assumed
+    seat_force: float = 0.7  # N, on the wall at set-down, where the layer may slope; assumed
+    touch_force: float = 2.0  # N, down, that detects the nugget in the feeder; assumed
     layer_touch: float = 0.5
-    # N, down, beyond friction at the wall, that tells the layer, and not less than the wall's
-    # threshold (``detection``); assumed
-    layer_force: float = 0.8  # N, into the layer while set down, beyond it likewise; assumed
-    wall_friction: float = 0.3  # of a nugget on the wall, as it is believed; assumed
-    force_limit: float = 10.0  # N, with which all stops but for acquiring; assumed
+    # N, down, beyond friction at the wall, that detects the layer; at least the wall's threshold
+    # (``detection``); assumed
+    layer_force: float = 0.8  # N, into the layer at set-down, beyond friction likewise; assumed
+    wall_friction: float = 0.3  # of a nugget on the wall, as believed; assumed
+    force_limit: float = 10.0  # N, at which the cycle stops, except in acquiring; assumed
     grip_limit: float = 20.0  # N, in acquiring; section 1.1.2
-    position_limit: float = 0.03  # m, off the command, with which all stops; assumed
+    position_limit: float = 0.03  # m, error at which the cycle stops; assumed
     lift_height: float = 0.08  # m, of the nugget over the feeder; assumed
-    run_in: float = 0.015  # m, before and behind the scan, to be up to speed; assumed
+    run_in: float = 0.015  # m, before and after the scan, for acceleration; assumed
     clearance: float = 0.03  # m, over the rim; assumed
     standoff: float = 0.03  # m, of the nugget from the wall before the approach; assumed
     drop: float = 0.03  # m, of the nugget over the layer before it is lowered; assumed
-    near: float = 0.01  # m, before what is believed, from where on it is sought; assumed
-    follow: float = 0.005  # m, along what was laid before, to its place; assumed
+    near: float = 0.01  # m, before the believed place, where the search begins; assumed
+    follow: float = 0.005  # m, along the nugget below, to the item's place; assumed
     follow_speed: float = 0.005  # m/s, along it; assumed
     follow_mass: float = 0.05
-    # kg, of what is followed, at least: friction would shove a lighter one along; assumed
-    search: float = 0.025  # m, beyond what is believed, before it is not there; assumed
+    # kg, least mass of a nugget that is followed: friction would move a lighter one; assumed
+    search: float = 0.025  # m, beyond the believed place, until it counts as missing; assumed
     lean: float = 0.3  # rad, of the gripper's body, off the wall; assumed, for 14 g nuggets
     rest: float = 0.25  # s, for the tare, and before and after the gripper opens; assumed
-    most_lost: float = 0.6  # s, that contact with the wall may be sought again; assumed
-    most_losses: int = 5  # of contact with the wall, an item; assumed
-    patience: float = 20.0  # s, in any state but while halted; assumed
+    most_lost: float = 0.6  # s, longest search for lost contact with the wall; assumed
+    most_losses: int = 5  # of contact with the wall, for each item; assumed
+    patience: float = 20.0  # s, longest time in a state, halts excluded; assumed
     trouble_readings: int = 5
-    # in a row, that say too much force, a part dropped or an arm off its path; assumed
+    # in a row, that show too much force, a dropped part or an arm off its path; assumed
     detection: TouchDetectionParams = TouchDetectionParams()  # of the wall
     period: float = 0.005  # s, between ticks of the chart; section 6.2.1
 
@@ -138,7 +138,7 @@ class ResolvedChargingParams(ChargingParams):
 
 
 class ChargingBeliefs(NamedTuple):
-    """What the chart knows of the cell: nothing of it is the truth."""
+    """The chart's beliefs of the cell, which may differ from the true cell."""
 
     station: StationLayout
     plan: tuple[PlanItem, ...]
@@ -149,7 +149,7 @@ class ChargingBeliefs(NamedTuple):
 
 
 class ChargingTrouble(IntEnum):
-    """What stopped the cycle, as far as the chart can tell: a number, and in words."""
+    """The reason why the cycle stopped, as far as the chart knows it: a number, and words."""
 
     words: str
 
@@ -175,7 +175,7 @@ class ChargingTrouble(IntEnum):
 
 
 class ChargingInputs(NamedTuple):
-    """What the chart reads: sensors, the operator, and what the path follower commands."""
+    """Inputs of the chart: sensors, the operator, and the path follower's command."""
 
     endpoint_motion: tuple[float, ...]
     # (14,), endpoint vector, m and rad, then its rate, by the encoders
@@ -194,7 +194,7 @@ class ChargingInputs(NamedTuple):
 
 
 class ChargingMemory(NamedTuple):
-    """What the chart remembers from tick to tick."""
+    """Memory of the chart from tick to tick."""
 
     segment: Segment
     at: str  # the current state
@@ -204,30 +204,30 @@ class ChargingMemory(NamedTuple):
     losses: int = 0  # of contact with the wall, of this item
     mode: int = 0  # of the hybrid controller
     normal: Vector3 = (1.0, 0.0, 0.0)  # into the wall, world axes
-    below: Vector3 = LEVEL  # into the layer, as it is believed or estimated
+    below: Vector3 = LEVEL  # into the layer, as believed or estimated
     hold: bool = False  # the path follower stands still
     grip: bool = False  # the gripper is closed
     carries: bool = False  # a part was seen in it
     above_limit: int = 0  # readings in a row, up to now, with too much force
-    dead: bool = False  # the force sensor says so itself
+    dead: bool = False  # the force sensor reports it
     dropped: int = 0  # without the part that was there
     off_path: int = 0  # too far from the command
     trouble: ChargingTrouble = ChargingTrouble.NONE
     trouble_at: str = ""  # the state in which it was met
 
     def said(self) -> str:
-        """Return what stopped the cycle, in words; "" if nothing did."""
+        """Return the reason why the cycle stopped, in words; "" if it did not."""
         words = self.trouble.words
         return f"{words}, in {self.trouble_at}, item {self.item}" if words else ""
 
     @property
     def on_layer(self) -> bool:
-        """Whether the layer is pressed on."""
+        """Whether the nugget presses on the layer."""
         return self.mode in (ON_BOTH, ON_LAYER)
 
     @property
     def wall(self) -> Vector3:
-        """The direction into the wall that is pressed on beside the layer; zeros without one."""
+        """The direction into the wall, if it is pressed together with the layer; else zeros."""
         return self.normal if self.mode == ON_BOTH else (0.0, 0.0, 0.0)
 
     def into_layer(self, normal: tuple[float, ...]) -> Vector3:
@@ -239,12 +239,12 @@ class ChargingMemory(NamedTuple):
 
     @property
     def pressed(self) -> tuple[Vector3, ...]:
-        """The directions under force control: into what is touched, at right angles."""
+        """The directions under force control: into the touched surfaces, at right angles."""
         on_wall, on_layer = self.mode in (CONTACT, LOST, ON_BOTH), self.mode in (ON_BOTH, ON_LAYER)
         return (self.normal,) * on_wall + (self.below,) * on_layer
 
     def desired_force(self, params: ChargingParams) -> Vector7:
-        """Return the force on the environment that is wanted, N, shape (7,)."""
+        """Return the desired force on the environment, N, shape (7,)."""
         into_wall, into_layer = params.wall_force, params.layer_force
         if self.mode == ON_BOTH:  # as it came sliding, the wall holds it up
             into_wall = params.seat_force

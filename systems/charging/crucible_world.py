@@ -1,4 +1,4 @@
-"""What answers the charging cycle: the gripper, the layer below, and what goes wrong."""
+"""The charging cycle's environment: the gripper, the layer below, and faults."""
 
 import math
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ Array = NDArray[np.float64]
 class GraspParams:
     """Parameters of :class:`Grasp`."""
 
-    reach: float = 0.002  # m, gap to the nugget's top at which closing fingers get hold of it
-    period: float = 0.005  # s, between looks at the gripper's command
+    reach: float = 0.002  # m, gap to the nugget's top at which closing fingers hold it
+    period: float = 0.005  # s, between readings of the gripper's command
 
     def __post_init__(self) -> None:
         require_positive(self, "reach", "period")
 
 
 class Grasp(LeafSystem):
-    """Says which scene the arm is in: empty over the feeder, or with an item in the gripper.
+    """Selects the arm's scene: empty over the feeder, or with an item in the gripper.
 
     .. pydrake_system::
 
@@ -41,15 +41,17 @@ class Grasp(LeafSystem):
         - scene
         - held
 
-    An item is held from the tick on in which the grip closes with the item's top within reach,
-    if it is there at all, until the grip opens or it is dropped. Closing the fingers beside it
-    gets hold of nothing, until they are opened and closed again.
+    The gripper holds an item from the tick in which the grip closes with the item's top within
+    reach, if the feeder has it. It holds it until the grip opens or a fault drops it. Fingers that
+    close beside an item hold nothing until they open and close again.
 
-    ``grip``, size 1: 1 to close; ``contact``, as
-    :class:`chamfer.systems.contact.arm_in_contact.ArmInContact` gives it for the scene, the first
-    number the gap to the item in the feeder, m; ``item``, size 1, index in the plan; ``drop``,
-    size 1, 1: the gripper loses what it holds (may be left unconnected). ``scene``, size 1: 2
-    item, and 1 more with the item held; ``held``, size 1, what the gripper's part sensor shows.
+    * ``grip``, size 1: 1 to close.
+    * ``contact``, from :class:`chamfer.systems.contact.arm_in_contact.ArmInContact` for the scene;
+      the first number is the gap to the item in the feeder, m.
+    * ``item``, size 1, index in the plan.
+    * ``drop``, size 1, 1: the gripper loses its item (may be left unconnected).
+    * ``scene``, size 1: 2 item, and 1 more with the item held.
+    * ``held``, size 1, the reading of the gripper's part sensor.
 
     Discrete state: held, grip of the tick before, scene.
 
@@ -90,15 +92,15 @@ class Grasp(LeafSystem):
 
 @dataclass(frozen=True, kw_only=True)
 class LaidContact(ContactParams):
-    """What happens where a nugget touches one that lies loose on others.
+    """Contact of a nugget with one that lies loose on others.
 
-    Two dry frictions in series, of which the weaker gives: that between both, and that of the
-    lower one on what it lies on (:func:`chamfer.systems.contact.arm_motion.coefficient`). The
+    Two dry frictions are in series, of which the weaker gives: that between both, and that of the
+    lower nugget on its bed (:func:`chamfer.systems.contact.arm_motion.coefficient`). The
     lower nugget's inertia is left out.
     """
 
     mass: float  # kg, of the lower nugget
-    slip_friction: float  # of it on what it lies on
+    slip_friction: float  # of it on its bed
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -111,7 +113,7 @@ class LaidContact(ContactParams):
         return self.mass, self.slip_friction
 
     def slips(self, force: Array) -> bool:
-        """Say whether the lower nugget gives way to the force, N, (3,), of it on the upper one."""
+        """Return whether the lower nugget gives way to its force on the upper one, N, (3,)."""
         x, y, up = force.tolist()
         holds = self.slip_friction * (self.mass * GRAVITY + max(up, 0.0))
         return bool(up > 0 and math.hypot(x, y) > _NEARLY * holds)
@@ -121,7 +123,7 @@ _NEARLY: Final = 0.98  # of what holds: it is taken for the push of an update be
 
 
 class LayerMotion(LeafSystem):
-    """How far the nugget below is shoved: where it gives way, it goes with the one above.
+    """Tracks the shift of the nugget below, which moves with the one above once it slips.
 
     .. pydrake_system::
 
@@ -136,9 +138,9 @@ class LayerMotion(LeafSystem):
     The slip itself is that of the arm's tip, found by the stick-slip of
     :class:`chamfer.systems.contact.arm_in_contact.ArmInContact` with :class:`LaidContact`.
 
-    ``force``, shape (3,), N, of the layer on the arm, world frame, and ``tip``, shape (3,), m, the
-    point that touches; ``item``, size 1: with a new one the layer begins where it is. ``shift``,
-    shape (3,), m, from where it lay.
+    ``force``, shape (3,), N, is of the layer on the arm, world frame; ``tip``, shape (3,), m, is
+    the point that touches. ``item``, size 1: with a new item the shift starts at 0. ``shift``,
+    shape (3,), m, is the displacement from the first place.
 
     Discrete state: shift (3), the tip a period ago (3), item.
     """
@@ -165,7 +167,7 @@ class LayerMotion(LeafSystem):
 
 
 class FaultTrigger(LeafSystem):
-    """Says when a fault acts: once, a while after a state is entered.
+    """Triggers a fault once, some time after the chart enters a state.
 
     .. pydrake_system::
 
@@ -210,7 +212,7 @@ class FaultTrigger(LeafSystem):
 
 
 class CutOff(LeafSystem):
-    """A sensor's line to the computer, which may be cut: it reads 0 then, and is known to.
+    """Passes a sensor's signal to the computer; a cut line reads 0 and reports the cut.
 
     .. pydrake_system::
 

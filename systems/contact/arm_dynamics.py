@@ -364,7 +364,7 @@ GRAVITY = 9.81  # m/s^2
 
 
 class ArmState(NamedTuple):
-    """What the equations of motion need at one state of n joints."""
+    """The terms of the equations of motion at one state of n joints."""
 
     mass: Array  # (n, n), reflected rotor inertias included
     bias: Array  # (n,), Coriolis and centripetal less gravity torque: M v' + bias = torque

@@ -1,4 +1,4 @@
-"""The manipulator and its contact: what the controllers of chapters 2, 3 and 5 act on."""
+"""The manipulator and its contact: the plant of the controllers of chapters 2, 3 and 5."""
 
 import math
 from collections.abc import Sequence
@@ -59,12 +59,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class ContactParams:
-    """What happens where tip and surface touch."""
+    """Parameters of the contact between tip and surface."""
 
     stiffness: float = 1e4  # N/m, of the surface; assumed
     damping: float = 20.0  # N s/m, of the surface; assumed
     friction: SurfaceFriction = SurfaceFriction(coefficient=0.0)  # Coulomb's, along the world's x
-    friction_noise: float | None = None  # relative, deviation of it on the way; None: of sensing
+    friction_noise: float | None = None  # relative, deviation along the path; None: of sensing
 
     def __post_init__(self) -> None:
         require_positive(self, "stiffness")
@@ -84,7 +84,7 @@ class ContactParams:
 
     @cached_property
     def numbers(self) -> Array:
-        """The friction as :class:`chamfer.systems.contact.arm_motion.Contacts` has it."""
+        """The friction in the form of :class:`chamfer.systems.contact.arm_motion.Contacts`."""
         return np.array([*self.friction.numbers, self.friction_noise or 0.0, *self.loose])
 
 
@@ -122,7 +122,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What holds for a while: the points that may touch, and what is held."""
+    """A phase of a run: the points that may touch, and the load."""
 
     points: tuple[ContactPoint, ...]
     load: Load | None = None
@@ -174,7 +174,7 @@ class ArmInContactParams:
 
 
 class _World(NamedTuple):
-    """A scene as its motion is computed."""
+    """A scene in the form that the computation of motion needs."""
 
     points: tuple[ContactPoint, ...]
     chain: Chain
@@ -184,7 +184,7 @@ class _World(NamedTuple):
 
 
 class ArmInContact(LeafSystem):
-    """An arm with joint friction whose tip touches surfaces (Fig. 2-4, two blocks in one).
+    """Simulates an arm with joint friction whose tip touches surfaces (Fig. 2-4, two blocks).
 
     .. pydrake_system::
 
@@ -205,51 +205,56 @@ class ArmInContact(LeafSystem):
         - base_wrench
 
     Manipulator dynamics and contact model are one block, because dry friction and a stiff contact
-    can only be solved together. Each update holds the torque, takes the surface, to second order,
-    as it is where the tip will be in the middle of it, and integrates the arm's full dynamics with
-    friction and contact in implicit steps (:mod:`chamfer.systems.contact.arm_motion`). A gripper
-    is a spring and a damper without mass between the endpoint and the tip, on which all points of
-    contact are; the tip does not turn on it, and what is held moves with the endpoint.
+    must be solved together. Each update holds the torque. It approximates the surface to second
+    order where the tip will be in the middle of the update. Then it integrates the arm's full
+    dynamics with friction and contact in implicit steps
+    (:mod:`chamfer.systems.contact.arm_motion`).
 
-    What may touch, and what is held, may change from scene to scene. A load that is taken up has
-    the arm's velocity at once; what that costs is booked as work.
+    A gripper is a massless spring and damper between the endpoint and the tip. All points of
+    contact are on the tip, which does not turn on the gripper. A load moves with the endpoint.
+    Points and load may change from scene to scene. A new load has the arm's velocity at once; the
+    energy for that counts as work.
 
-    Kinetic, potential, elastic and dissipated energy less work stay what they were to within 1e-5
-    of the energy that is turned over, at the default steps; 1e-4 where a contact of 1e6 N/m and
-    more bounces undamped on a curved surface. Left out: play in the joints (the Adept's quill),
-    and rolling or line contact of a roller.
+    Kinetic, potential, elastic and dissipated energy less work stay constant within 1e-5 of the
+    energy turned over, at the default steps. The bound is 1e-4 where a contact of 1e6 N/m and more
+    bounces undamped on a curved surface. The block has no backlash in the joints (the Adept's
+    quill), and no rolling or line contact of a roller.
 
-    Inputs: ``torque``, shape (n,), held over the period; ``disturbance``, shape (3,), N, a force
-    on the arm at the tip's first point in the world frame; ``scene``, shape (1,), index of the
-    scene; ``friction_noise``, shape (M,), white and of deviation 1, of which the contact's own is
-    made. The last three may be left unconnected: no force, scene 0, no noise.
+    Inputs; the last three may be left unconnected (no force, scene 0, no noise):
 
-    Outputs, all of them of the discrete state. With M the most points that a scene has, those with
-    (M, .) go by points, one after the other; a point that a scene does not have is 1 km away.
+    * ``torque``, shape (n,), is held over the period.
+    * ``disturbance``, shape (3,), N, is a force on the arm at the tip's first point, world frame.
+    * ``scene``, shape (1,), is the index of the scene.
+    * ``friction_noise``, shape (M,), is white with deviation 1; the contact's own noise is made
+      from it.
+
+    All outputs belong to the discrete state. M is the largest number of points of a scene. Outputs
+    with (M, .) list the points one after the other; points that a scene lacks are 1 km away.
 
     * ``encoders``, shape (2n,): joint positions and velocities.
     * ``contact_force``, shape (M, 3), N: of the surface on the tip, world frame; zero where the
       gap is positive.
-    * ``tool_force``, shape (3,), N: their sum in the endpoint's frame, with what weight and
-      inertia of the load add to it: what a sensor behind the gripper reads.
-    * ``base_torque``, shape (n,): what the joints transmit to the links, torque less friction.
+    * ``tool_force``, shape (3,), N: their sum in the endpoint's frame with the load's weight and
+      inertia, the reading of a sensor behind the gripper.
+    * ``base_torque``, shape (n,): the joints' torque on the links, torque less friction.
     * ``contact``, shape (M, 6): gap m (negative in the material), approach speed m/s (positive
-      towards the surface), slip speed m/s, largest normal force N and largest speed m/s with which
-      contact was made in the last ``window`` updates, energy dissipated so far by all J.
+      towards the surface) and slip speed m/s. Then largest normal force N and largest impact speed
+      m/s in the last ``window`` updates, and the energy J dissipated so far by all.
     * ``tip``, shape (M, 6): the point that touches, m, and the arm's velocity there, m/s, which
       with a gripper is not the tip's own.
     * ``energy``, shape (5,), J: kinetic, potential, elastic, dissipated, and work of torque and
       disturbance, the last two so far.
-    * ``base_wrench``, shape (6,): moment about the base's origin N m, and force N, of the base on
-      the arm, world axes: weight, inertia and contact of all links, at rest the weight upwards.
+    * ``base_wrench``, shape (6,): moment about the base's origin, N m, and force, N, of the base
+      on the arm, world axes. It has weight, inertia and contact of all links; at rest the weight
+      upwards.
 
-    ``world`` is what the tip touches, a surface in space, with the contact of ``params``, or
-    scenes; the arm starts at rest at ``q``, shape (n,), in scene 0.
+    ``world`` is a surface in space, with the contact of ``params``, or scenes. The arm starts at
+    rest at ``q``, shape (n,), in scene 0.
 
     Raises:
         ParameterError: If shapes don't fit, or, while running, if an input is not finite, the
-            scene is not there, the arm runs away or the conditions of friction and contact are not
-            solved.
+            scene does not exist, the arm diverges or the conditions of friction and contact are
+            not solved.
     """
 
     def __init__(
@@ -296,7 +301,7 @@ class ArmInContact(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._step)
 
     def start(self) -> tuple[_World, Array, Array]:
-        """Return scene 0, and state and outputs at rest, from which :func:`update` goes on."""
+        """Return scene 0, and state and outputs at rest, from which :func:`update` continues."""
         values = self.CreateDefaultContext().get_discrete_state()
         return self._worlds[0], *(values.value(i).copy() for i in (self._state, self._outputs))
 
@@ -369,7 +374,7 @@ class ArmInContact(LeafSystem):
         values.set_value(self._outputs, outputs)
 
     def _refuse(self, time: float, state: Array, error: float) -> None:
-        """Say that a run diverges, or that a step is not solved."""
+        """Raise an error for a run that diverges, or a step that is not solved."""
         n, at = len(self._worlds[0].chain.mass), f"at t = {time:g} s"
         if not np.all(np.isfinite(state)):
             speed, allowed = state[n : 2 * n].tolist(), "finite numbers, the run diverges"
@@ -378,7 +383,7 @@ class ArmInContact(LeafSystem):
         raise ParameterError(f"the error of the {self._name}'s contact {at}", error, allowed)
 
     def _change_scene(self, world: _World, state: Array, outputs: Array) -> None:
-        """Start a scene where the arm is; what the change takes is booked as work."""
+        """Start a scene at the arm's position; the energy for the change counts as work."""
         n = len(world.chain.mass)
         q, v, stretch = state[:n].copy(), state[n : 2 * n].copy(), state[-3:].copy()
         state[5 * n : -3] = 0.0  # no contact of the last scene goes on

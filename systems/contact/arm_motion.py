@@ -65,7 +65,7 @@ _FRICTION_LENGTH: Final = 0.012  # m, of the way over which its noise changes; m
 
 
 class Tool(NamedTuple):
-    """What the arm touches with, in m points; axes of the endpoint's frame."""
+    """The arm's contact points, m of them; axes of the endpoint's frame."""
 
     offset: Array  # (m, 3), m, of the points from the endpoint, without force
     rigid: bool  # True: the tip is fixed there
@@ -76,7 +76,7 @@ class Tool(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """Surfaces as they are taken for a while: level functions to second order, world frame."""
+    """Local approximation of surfaces: level functions to second order, world frame."""
 
     point: Array  # (m, 3), m, about which
     level: Array  # (m,), m
@@ -86,7 +86,7 @@ class Patch(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """What the points touch, in machine code."""
+    """The surfaces of the points, for machine code."""
 
     surfaces: Array  # their code
     friction: Array  # (m, 9), the coefficient's six numbers, its noise, and :func:`coefficient`'s

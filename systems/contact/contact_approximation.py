@@ -1,4 +1,4 @@
-"""Drake's approximations of contact within a step: what each breaks is told in README.md."""
+"""Drake's approximations of contact within a step; README.md lists the errors of each."""
 
 from typing import Literal
 

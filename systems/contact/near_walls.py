@@ -1,4 +1,4 @@
-"""Contacts are looked for at those walls of a hole alone that its peg is near.
+"""Restricts the search for contacts to those walls of a hole that its peg is near.
 
 Drake tries every wall against the peg: it bounds what is turned by spheres, and all of them
 overlap. Here a plane between the two tells most of them apart. What is passed over cannot touch,
@@ -58,7 +58,7 @@ def _changes(gaps: Array, looked_at: NDArray[np.bool_], ahead: float) -> bool:
 
 
 class NearWalls:
-    """Tells a plant, step by step, at which walls of a round hole to look for contacts.
+    """Selects, step by step, the walls of a round hole at which a plant searches contacts.
 
     The bodies' frames are those of peg and mouth; the walls are in the order of
     :func:`wall_gaps`.
@@ -80,7 +80,7 @@ class NearWalls:
         self._ahead = _NEAR + _AHEAD * parts.clearance
 
     def after_steps(self, root: Context) -> Callable[[Context], EventStatus]:
-        """Return what is to be done after each step of a simulation with this context."""
+        """Return the function to call after each step of a simulation with this context."""
         plant = self._plant.GetMyContextFromRoot(root)
         geometry = self._scene_graph.GetMyMutableContextFromRoot(root)
         frames = self._hole_frame, self._peg_frame

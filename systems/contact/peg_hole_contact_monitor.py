@@ -1,4 +1,4 @@
-"""What of a peg touches what of its hole, and with what force: Drake's contacts, read."""
+"""The contacts between a peg and its hole, and their forces, read from Drake."""
 
 import math
 from collections.abc import Collection
@@ -40,7 +40,7 @@ _TOUCHING: Final = 0.01  # N, the least force of a feature that touches
 
 
 class ContactState(IntEnum):
-    """What a peg is doing."""
+    """State of a peg in its hole."""
 
     NONE = 0
     CHAMFER = 1  # on a chamfer, its own or the mouth's
@@ -51,7 +51,7 @@ class ContactState(IntEnum):
 
 
 class Shape(NamedTuple):
-    """What of the parts tells apart what touches."""
+    """Dimensions of the parts that classify contacts."""
 
     edge: float  # m, of the bore below the mouth
     corner: float  # m, of the peg's side above the tip
@@ -63,7 +63,7 @@ class Shape(NamedTuple):
 
 
 def shape_of(parts: PegAndHole, seated_depth: float = math.inf) -> Shape:
-    """Return what tells apart what of these parts touches."""
+    """Return the dimensions that classify these parts' contacts."""
     angles = parts.chamfer_angle, parts.peg_chamfer_angle
     return Shape(
         parts.hole_chamfer.height,
@@ -187,7 +187,7 @@ class _Reader(LeafSystem):
 
 
 class PegHoleContactMonitor(Diagram):
-    """Says what of a peg touches its hole, and with what force.
+    """Classifies the contacts between a peg and its hole, and measures their forces.
 
     .. pydrake_system::
 
@@ -203,17 +203,20 @@ class PegHoleContactMonitor(Diagram):
         - depth
         - loss
 
-    The inputs are the plant's ports of these names. ``state``, shape (1,), is a
-    :class:`ContactState`. ``wrench``, shape (6,), N m above N, is that of the hole on the peg
-    about the middle of the mouth in the mouth's frame: x into the hole. ``normal_forces``, N,
-    shape (5,), by :data:`FEATURES`; ``sides``, rad, shape (3,), by :data:`SIDES`, the directions
-    from the axis towards them, from y to z, 0 where nothing touches. ``depth``, m, is that of the
-    tip's middle below the mouth. ``loss``, W, is the power that the contacts take, elastic part
-    included.
+    The inputs are the plant's ports of these names.
 
-    The frames of the bodies ``peg`` and ``hole`` are those of peg and mouth; ``peg_shapes`` is the
-    peg's collision geometry, which touches nothing but the hole's. From ``seated_depth``, m, of
-    the tip on a peg in the bore is seated. ``after_steps`` is for whoever simulates, see
+    * ``state``, shape (1,), is a :class:`ContactState`.
+    * ``wrench``, shape (6,), N m above N, is of the hole on the peg about the middle of the mouth
+      in the mouth's frame: x into the hole.
+    * ``normal_forces``, N, shape (5,), follow :data:`FEATURES`.
+    * ``sides``, rad, shape (3,), follow :data:`SIDES`: the directions from the axis towards them,
+      from y to z, 0 without contact.
+    * ``depth``, m, is that of the tip's middle below the mouth.
+    * ``loss``, W, is the power that the contacts absorb, elastic part included.
+
+    The frames of the bodies ``peg`` and ``hole`` are those of peg and mouth. ``peg_shapes`` is the
+    peg's collision geometry, which touches only the hole's. A peg in the bore is seated from the
+    tip's ``seated_depth``, m, on. A simulation calls ``after_steps``, see
     :class:`chamfer.systems.contact.near_walls.NearWalls`.
     """
 

@@ -76,7 +76,7 @@ class Spring(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What is known at a point of the surface, or very near to it."""
+    """The quantities at a point of the surface, or very near to it."""
 
     p: Array
     level: float
@@ -104,7 +104,7 @@ def _length(vector: Array) -> float:
 
 @compiled
 def _look(spring: Spring, p: Array) -> Look:
-    """Return what is known at a point, m."""
+    """Return the quantities at a point, m."""
     gradient, hessian = np.empty_like(p), np.empty_like(spring.K)
     level = evaluate(spring.surface, 0, p, gradient, hessian)
     size = _length(gradient)
@@ -465,7 +465,7 @@ class SlidingContactParams:
 
 
 class SlidingContact(LeafSystem):
-    """A compliant gripper at a rigid surface with friction (section 5.2.1).
+    """Simulates a compliant gripper at a rigid surface with friction (section 5.2.1).
 
     .. pydrake_system::
 
@@ -479,12 +479,12 @@ class SlidingContact(LeafSystem):
 
     ``nominal_motion``, shape (2d,): the nominal endpoint's position, m, then its velocity, m/s.
     ``contact_force``, shape (d,), N, of the surface on the gripper, and its rate, shape (d,), N/s,
-    belong to the nominal motion of the same time. ``contact``, shape (3d + 1,): the
-    contact point, m, its velocity, m/s, the normal, zeros while free, and the mode, :data:`FREE`,
+    belong to the nominal motion of the same time. ``contact``, shape (3d + 1,), has the contact
+    point, m, its velocity, m/s, the normal, zeros while free, and the mode, :data:`FREE`,
     :data:`STICK` or :data:`SLIP`.
 
-    Discrete state: ``contact`` of the last step, shape (3d + 1,), from which the contact goes on;
-    free before the first.
+    Discrete state: ``contact`` of the last step, shape (3d + 1,), from which the contact
+    continues; free before the first.
 
     Raises:
         ParameterError: if the stiffness is not of the surface's dimension; while running, if the

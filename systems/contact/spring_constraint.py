@@ -1,4 +1,4 @@
-"""A spring that hinders a tool: on both sides of where it is, or on one side only."""
+"""A spring that resists a tool's motion in both directions, or in one only."""
 
 import math
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ _INDICES = f"a whole number from 0 to {SIZE - 1}"
 class SpringConstraintParams:
     """Parameters of :class:`SpringConstraint`."""
 
-    index: int | None = None  # of the hindered element, 0 to 2 about, 3 to 5 along x, y, z;
+    index: int | None = None  # of the constrained element, 0 to 2 about, 3 to 5 along x, y, z;
     # None: derived from the motion, that of a dither
     sides: Literal["none", "both", "one"] = "both"
-    # on which it hinders; one: against growing displacements
-    stiffness: float = 2e4  # N/m or N m/rad, of what hinders it
-    stop_at: float = 0.0  # m or rad, where a stop on one side is
+    # on which it acts; one: against growing displacements
+    stiffness: float = 2e4  # N/m or N m/rad, of the spring
+    stop_at: float = 0.0  # m or rad, position of a stop on one side
 
     def __post_init__(self) -> None:
         require_one_of(self, "sides", ("none", "both", "one"))
@@ -38,7 +38,7 @@ class SpringConstraintParams:
 
 
 class SpringConstraint(LeafSystem):
-    """Pushes back along one axis.
+    """Resists a displacement along one axis with a spring.
 
     .. pydrake_system::
 

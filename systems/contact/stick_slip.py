@@ -397,7 +397,7 @@ class Material(NamedTuple):
 
 
 class StepModel(NamedTuple):
-    """What is frozen over a step: the arm, n joints, and the m points where it may touch."""
+    """The model that a step holds constant: the arm, n joints, and its m possible contacts."""
 
     mass: Array  # (n, n)
     force: Array  # (n,), u: torque less Coriolis and gravity torque
@@ -421,7 +421,7 @@ class Motion(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """What a step did."""
+    """Result of a step."""
 
     motion: Motion
     displacement: Array  # (n,)
@@ -436,7 +436,7 @@ class Moved(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Room for a step, and what it did besides what it changed."""
+    """Work arrays of a step, and its further results."""
 
     problem: Conditions
     axes: Array  # (3m, 3), rows: each point's normal and two tangents
@@ -499,7 +499,7 @@ def _conditions(
 def _fill_conditions(
     model: StepModel, material: Material, motion: Motion, axes: Array, problem: Conditions
 ) -> None:
-    """Fill in the conditions of a step but for the joints' reach, and what it adds to a point."""
+    """Fill in the conditions of a step, except the joints' reach and its effect on points."""
     velocity, h, mean, yielding = motion.velocity, problem.h, problem.mean, problem.yielding
     n, largest, rows, reach = len(velocity), 0.0, problem.rows, problem.reach
     for j in range(n):

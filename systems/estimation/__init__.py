@@ -1,1 +1,1 @@
-"""Observers of what no sensor reads: the normal of an unknown surface."""
+"""Observers of the normal of an unknown surface, which no sensor measures."""

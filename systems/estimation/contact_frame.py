@@ -64,7 +64,7 @@ class ContactFrame(NamedTuple):
 
 
 class GripperModel(NamedTuple):
-    """What is taken of the gripper and its sensor, in three dimensions."""
+    """The assumed model of the gripper and its sensor, in three dimensions."""
 
     stiffness: Array  # (3, 3), N/m
     compliance: Array  # (3, 3), m/N
@@ -89,7 +89,7 @@ class ContactReading(NamedTuple):
 
 
 class ContactModel(NamedTuple):
-    """What the filters assume, and what they use."""
+    """Assumptions and settings of the filters."""
 
     turn: Array  # (models, 4), rad/m, standard deviations of w, and m, over which it changes
     switch: Array  # (models, models), probability of the one after the other
@@ -102,7 +102,7 @@ class ContactModel(NamedTuple):
 
 @compiled
 def repeats(distance: float, length: float) -> float:
-    """Return of how many samples each is worth one, if their error changes over a length.
+    """Return how many samples count as one, if their error changes over a length.
 
     Samples with an error of the correlation ``r = exp(-distance / length)`` from one to the next
     tell as much, together, as samples of independent errors of ``(1 + r) / (1 - r)`` its variance.
@@ -143,7 +143,7 @@ def rotation(vector: Array) -> Array:
 def correct(
     frame: ContactFrame, d: Array, row: Array, by: Array, residual: float, variance: float
 ) -> float:
-    """Take in a scalar ``residual = row . error + by . considered + noise``.
+    """Process a scalar ``residual = row . error + by . considered + noise``.
 
     ``d`` is the error's estimate, shape (10,), changed as the frame's P and S are. Returns the log
     likelihood, as if nothing were considered.
@@ -271,7 +271,7 @@ def travel(frame: ContactFrame, turn: Array, ds: float) -> None:
 def follow(
     frame: ContactFrame, model: ContactModel, turn: Array, reading: ContactReading
 ) -> tuple[float, float]:
-    """Move the frame on and take a sample in.
+    """Move the frame on and process a sample.
 
     Returns the sample's log likelihood, and the square of the point's distance from the surface
     that was foreseen, over its variance. The frame is changed in place. The contact point moves;
@@ -362,7 +362,7 @@ def follow_all(
     step: Array,
     deviation: float,
 ) -> float:
-    """Take a sample in with every model, and weigh the models by how well they foresaw it.
+    """Process a sample with every model, and weight the models by how well they predicted it.
 
     Returns how far the sample was from what the last model foresaw, as :func:`follow`.
 
@@ -421,7 +421,7 @@ def mixture(numbers: Array, weights: Array, considered: Array) -> tuple[Array, A
 def ahead(
     numbers: Array, model: ContactModel, speed: float, delay: float, deviation: float
 ) -> Array:
-    """Return the frames as they are foreseen further on along their paths.
+    """Return the predicted frames further along their paths.
 
     Args:
         numbers: Shape (models, 156), each model's frame.

@@ -52,7 +52,7 @@ def gripper_model(
     position: float,
     factor: float,
 ) -> GripperModel:
-    """Return what is taken for a gripper that is stiffer than was told by a factor.
+    """Return the model of a gripper that is stiffer than set by a factor.
 
     ``position``, m, is the deviation of its nominal position, which counts for the force alone.
     """
@@ -139,7 +139,7 @@ def resolving_length(
 
 @compiled
 def _limited(normal: Array, sure: Array, apart: Array, covariance: Array) -> tuple[Array, Array]:
-    """Return a normal, taken near to a surer one, and that one's covariance.
+    """Return a normal, limited to near a more certain one, and that one's covariance.
 
     Args:
         normal: Shape (3,), unit.
@@ -163,7 +163,7 @@ def _limited(normal: Array, sure: Array, apart: Array, covariance: Array) -> tup
 
 
 class _Memory(NamedTuple):
-    """Views of what the filter hands to its next sample."""
+    """Views of the filter's memory for its next sample."""
 
     frames: Array  # (models, 156)
     weights: Array  # (models,)
@@ -194,28 +194,29 @@ class ContactFrameFilter:
     bend begins all lag behind it. So the last model takes the curvature to change over what the
     sensor can just resolve (:func:`resolving_length`). The band is that model's, wider where the
     surface bends already, as it may then bend back by more, and the mixture is kept within it,
-    near to that model's normal. Nothing foresees where a bend begins: a flat has that band too.
+    near to that model's normal. Nothing predicts where a bend begins: a flat has that band too.
 
-    In space the path tells the normal's tilt along the path only. Sideways the force tells it:
-    friction opposes the motion, the force has no component across the path and the normal.
+    In space the path shows only the normal's tilt along the path. The force shows the tilt
+    sideways: friction opposes the motion, the force has no component across the path and the
+    normal.
 
-    What it is told of gripper and sensor may be wrong
+    The settings of gripper and sensor may be wrong
     (:class:`chamfer.systems.estimation.model_error.ModelErrorParams`). A wrong stiffness tilts the
     path, since ``v = v_nom + K^-1 Fdot`` and v_nom is known; a bias tilts the force. Along one
-    path nothing tells either from another surface: they are measured before
-    (:class:`chamfer.systems.estimation.model_error.GripperCalibration`), and what is left of them
-    widens the band by what it does to the estimate, which stays as it is. A late force is put
-    where the gripper was, and the normal is foreseen from there to where it is.
+    path neither can be distinguished from another surface, so both are measured before
+    (:class:`chamfer.systems.estimation.model_error.GripperCalibration`). The remaining errors
+    widen the band by their effect on the estimate, which does not change. A late force is assigned
+    to the gripper's earlier place, and the normal is predicted from there to the present one.
 
     The thesis' gate applies, but a contact point that moves slowly counts as moving once it has
     come five standard deviations, and where a path begins in another direction either this or
     more speed is needed: noise that passes the gate has any direction, and in space a wrong one
-    tilts the normal. Once contact was lost, the frame starts anew where it returns,
+    tilts the normal. Once contact was lost, the frame starts again where it returns,
     with the last normal and what the surface may have turned since.
     """
 
     def __init__(self, params: ResolvedSurfaceObserverParams, *, banded: bool = True) -> None:
-        """Make the filter; ``banded=False`` leaves the mixture as it is, with its own band."""
+        """Make the filter; ``banded=False`` keeps the plain mixture, with its own band."""
         self._params = params
         self._gripper = partial(
             gripper_model,
@@ -379,7 +380,7 @@ class ContactFrameFilter:
         return self._estimate(memory, kept, status, model, math.sqrt(velocity @ velocity))
 
     def _at_speed(self, speed: float, gripper: GripperModel) -> ContactModel:
-        """Return what is assumed at a speed, m/s."""
+        """Return the assumptions at a speed, m/s."""
         if not self._banded:
             return self._model
         turn = self._model.turn.copy()
@@ -421,7 +422,7 @@ class ContactFrameFilter:
         return Estimate(memory, normal[:d], covariance[:d, :d].copy(), status)
 
     def _pulled(self, kept: _Memory, force: Array, deviation: float) -> bool:
-        """Begin anew, along the force, where by the estimate the surface pulls again and again."""
+        """Restart along the force, if the surface repeatedly seems to pull."""
         n = kept.weights @ kept.frames[:, 5:12:3]
         if n @ force > -_OUTSIDE * deviation:
             kept.fit[1] = 0.0
@@ -464,7 +465,7 @@ class ContactFrameFilter:
     def _is_doubtful(
         self, frames: Array, weights: Array, step: Array, error: float, status: NormalStatus
     ) -> bool:
-        """Return whether the velocity alone does not tell that the contact point moves."""
+        """Return whether the velocity alone does not show that the contact point moves."""
         if status is not NormalStatus.MEASURED:
             return status is NormalStatus.STUCK
         length = math.sqrt(step @ step)

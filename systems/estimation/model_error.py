@@ -1,4 +1,4 @@
-"""What may be wrong with what an observer of the normal is told, and what it finds out itself."""
+"""Possible errors in an observer's model, and calibrations that the observer makes itself."""
 
 import math
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ _LEAST_DEVIATION: Final = 0.02  # relative, of a stiffness: no contact point res
 
 @dataclass(frozen=True, kw_only=True)
 class ModelErrorParams:
-    """How far gripper and sensor may be from what an observer is told of them.
+    """Possible errors of the observer's model of gripper and sensor.
 
-    A deviation is a standard deviation; where an error has a bound, the bound itself or little
-    less is honest at the bound, and cautious within it.
+    A deviation is a standard deviation. For an error with a bound, the bound itself or little less
+    is consistent at the bound, and cautious within it.
     """
 
-    stiffness: float = 0.0  # relative, deviation of a factor that all of K may be off by
+    stiffness: float = 0.0  # relative, deviation of a factor on all of K
     bias: float = 0.0  # N, deviation of a constant error of F, on each axis
-    delay: float = 0.0  # s, by which the force is late
+    delay: float = 0.0  # s, delay of the force
     delay_deviation: float = 0.0  # s, deviation of the delay
     tare: float = 0.0  # s, from the start, while the gripper is free: for the bias
     press: float = 0.0  # s, then, while it meets the surface and does not slide: for the stiffness
     position: float = 0.0  # m, deviation of the nominal position, on each axis
-    position_length: float = 0.0  # m, of the path, over which that changes; 0: in each sample
+    position_length: float = 0.0  # m, of the path, over which it changes; 0: in each sample
     friction: float = 0.0  # rad, deviation of friction's direction from the path's
 
     def __post_init__(self) -> None:
@@ -49,16 +49,16 @@ class ModelErrorParams:
 
 
 class _Memory(NamedTuple):
-    """Views of what a calibration remembers."""
+    """Views of a calibration's memory."""
 
     taken: Array  # (1,), samples so far
     bias: Array  # (3,), N
     touched: Array  # (1,), samples since contact was made
     mean: Array  # (9,), of x_nom, v_nom and K^-1 F since then
     products: Array  # (5,), sums of products of what is off them: xx, xv, vv, xF, vF
-    factor: Array  # (1,), K over what was told; 0 before it is known
+    factor: Array  # (1,), K over the one that was set; 0 before it is known
     variance: Array  # (1,), of the factor
-    later: Array  # (1,), s, of the force than was told
+    later: Array  # (1,), s, further delay of the force than was set
     spread: Array  # (1,), s^2, its variance
 
 
@@ -76,7 +76,7 @@ class GripperCalibration:
     a motion that changes. All begin with what is expected, and its deviation.
 
     Args:
-        params: What may be wrong, and how long the two take.
+        params: The possible errors, and the durations of both calibrations.
         force: N, standard deviation of a force's component.
         compliance: m/N, as it was told, shape (3, 3).
         period: s.
@@ -92,7 +92,7 @@ class GripperCalibration:
         self._end = self._taring + math.floor(params.press / period + _WHOLE)
 
     def take(self, memory: Array, force: Array, nominal: Array, velocity: Array) -> bool:
-        """Take a sample in; False if the calibration is over.
+        """Process a sample; False if the calibration is over.
 
         Args:
             memory: Shape (23,), zeros at first; changed.
@@ -123,7 +123,7 @@ class GripperCalibration:
         return bool(_views(memory).touched[0])
 
     def _press(self, kept: _Memory, sample: Array) -> None:
-        """Take in x_nom, v_nom and K^-1 F, shape (3, 3)."""
+        """Process x_nom, v_nom and K^-1 F, shape (3, 3)."""
         mean = kept.mean.reshape(3, 3)
         before = sample - mean
         mean += before / kept.touched[0]
@@ -157,12 +157,12 @@ class GripperCalibration:
         return _views(memory).bias
 
     def factor(self, memory: Array) -> float:
-        """Return the stiffness over the one that was told."""
+        """Return the stiffness over the one that was set."""
         factor = float(_views(memory).factor[0])
         return factor if factor > 0.0 else 1.0
 
     def covariance(self, memory: Array) -> Array:
-        """Return that of what is left of both errors, shape (4, 4).
+        """Return the covariance of the remaining errors of both, shape (4, 4).
 
         First the compliance's, relative, then the bias', N.
         """

@@ -1,6 +1,6 @@
 r"""The thesis' recursive observer of a surface normal, and three corrections of it.
 
-What one sample of the force says of the normal is sections 4.1 and 4.2 (Figs. 4-1 to 4-4). The
+Sections 4.1 and 4.2 (Figs. 4-1 to 4-4) derive the normal that one sample shows. The
 Kalman update keeps the estimate's unit length (4-22 to 4-27), in closed form:
 
 For a prior n with covariance P_d, a measurement n + e with covariance R and a gain G, the thesis
@@ -54,19 +54,19 @@ _ITERATIONS: Final = 100
 
 
 class NormalStatus(IntEnum):
-    """What a sample was good for; all but the first and the last mean no measurement."""
+    """Use of a sample; all values but the first and the last mean no measurement."""
 
     MEASURED = 0
     HALTED = 1  # the gripper is not commanded to move
     STUCK = 2  # it is, and the contact point does not move
     NO_CONTACT = 3  # there is no force
-    UNDEFINED = 4  # force and velocity are parallel: no normal can be told
-    PULLED = 5  # by the estimate the surface pulled, which none can: it was begun anew
-    UNFIT = 6  # it was used, but with what the observer is told samples do not fit to each other
+    UNDEFINED = 4  # force and velocity are parallel: they give no normal
+    PULLED = 5  # by the estimate the surface pulled, which none can: the observer restarted
+    UNFIT = 6  # used, but samples contradict each other by the observer's settings
 
 
 class Sample(NamedTuple):
-    """What the observer is given, in d = 2 or 3 dimensions, world frame."""
+    """Input of the observer, in d = 2 or 3 dimensions, world frame."""
 
     force: Array  # (d,), N, of the surface on the gripper
     force_rate: Array  # (d,), N/s
@@ -200,7 +200,7 @@ def newton_multiplier(normal: Array, covariance: Array, measured: Array, noise: 
 
 
 class Estimate(NamedTuple):
-    """What a filter knows after a sample."""
+    """Knowledge of a filter after a sample."""
 
     memory: Array  # what it hands to the next sample
     normal: Array  # (d,), unit
@@ -224,12 +224,12 @@ KINDS: Final[tuple[ObserverKind, ...]] = get_args(ObserverKind)
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceObserverParams:
-    """Which observer of the normal runs, and what it is told about gripper, sensor and surface.
+    """The observer of the normal, and its settings for gripper, sensor and surface.
 
     * ``adaptive``: a multiple-model extended Kalman filter that follows the Darboux frame of the
       contact point's path
       (:class:`chamfer.systems.estimation.contact_frame_filter.ContactFrameFilter`). It assumes
-      nothing about the friction coefficient, and can be told what it may be told wrong.
+      nothing about the friction coefficient, and can allow for errors of its model.
     * ``thesis``: the constrained Kalman filter of section 4.3 as printed.
     * ``gated``: the same, without update and process noise while the gripper is at a halt, and
       without update while the contact point sticks.
@@ -247,11 +247,11 @@ class SurfaceObserverParams:
     initial_deviation: float = 0.1  # rad, of the initial normal, on each axis; calibrated
     halt_speed: float = 1e-3  # m/s, of the nominal motion; less is a halt
     period: float = 0.05  # s, T, between two estimates; calibrated
-    kind: ObserverKind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
+    kind: ObserverKind = "adaptive"  # kind of observer; thesis: the paper's own
     # Of kind adaptive only:
-    model_error: ModelErrorParams = ModelErrorParams()  # of what it is told
-    rate_lag: float | None = None  # s, by which a rate that was made of the force lags
-    # 0: measured beside it; None: derived, the sensor's
+    model_error: ModelErrorParams = ModelErrorParams()  # of its model
+    rate_lag: float | None = None  # s, lag of a rate that is derived from the force
+    # 0: measured separately; None: derived, the sensor's
 
     def __post_init__(self) -> None:
         rows = self.stiffness
@@ -375,7 +375,7 @@ class ConstrainedFilter:
 
 
 def contact_velocity(sample: Sample, compliance: Array) -> Array:
-    """Return the contact point's velocity (4-3), shape (d,), m/s; zero if it is but rounding."""
+    """Return the contact point's velocity (4-3), shape (d,), m/s; zero if only rounding."""
     v: Array = sample.nominal_velocity + compliance @ sample.force_rate
     nominal = sample.nominal_velocity
     if float(v @ v) <= _ROUNDING**2 * float(nominal @ nominal):
@@ -386,7 +386,7 @@ def contact_velocity(sample: Sample, compliance: Array) -> Array:
 def gate(
     params: ResolvedSurfaceObserverParams, sample: Sample, velocity: Array, velocity_noise: float
 ) -> NormalStatus:
-    """Return what a sample is good for, from what is known before it is used.
+    """Return the use of a sample, from the knowledge before it.
 
     ``velocity``, m/s, shape (d,), is the contact point's, and ``velocity_noise``, m/s, u_v.
     """

@@ -1,4 +1,4 @@
-"""The observer of an unknown surface's normal as a block, and what it is given (Fig. 5-1)."""
+"""The observer of an unknown surface's normal as a block, and its inputs (Fig. 5-1)."""
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
@@ -30,18 +30,24 @@ class SurfaceObserver(LawBlock[SurfaceObserverLaw]):
         - deviation
         - status
 
-    In d = 2 or 3 dimensions, world frame. ``measured_force``, N, and ``measured_force_rate``, N/s,
-    shape (d,), are of the gripper on the surface; ``nominal_motion``, shape (2d,), is position (m)
-    and velocity (m/s) of the endpoint as it would be with a relaxed gripper. ``predicted_normal``,
-    shape (d,), unit, may be left unconnected: a prediction, such as a camera's, whose turning the
-    estimate follows (section 4.5). ``restart``, size 1, may be left unconnected too: while it is 1
-    the observer knows the initial normal alone.
+    All signals have d = 2 or 3 dimensions, world frame. The last two inputs may be left
+    unconnected.
 
-    ``normal``, shape (d,), unit, points out of the material; ``covariance``, shape (d * d,), is
-    P row by row; ``deviation``, size 1, rad, is the standard deviation of the normal's direction,
-    the largest one in space; ``status``, size 1, is a
-    :class:`chamfer.systems.estimation.normal_filter.NormalStatus`: whether the last sample was a
-    measurement, and if not, why. All are held over the period.
+    * ``measured_force``, N, and ``measured_force_rate``, N/s, shape (d,), are of the gripper on
+      the surface.
+    * ``nominal_motion``, shape (2d,), is position (m) and velocity (m/s) of the endpoint with a
+      relaxed gripper.
+    * ``predicted_normal``, shape (d,), unit, is a prediction, such as a camera's; the estimate
+      follows its turning (section 4.5).
+    * ``restart``, size 1: while it is 1, the observer uses only the initial normal.
+    * ``normal``, shape (d,), unit, points out of the material.
+    * ``covariance``, shape (d * d,), is P row by row.
+    * ``deviation``, size 1, rad, is the standard deviation of the normal's direction, the largest
+      one in space.
+    * ``status``, size 1, is a :class:`chamfer.systems.estimation.normal_filter.NormalStatus`:
+      whether the last sample was a measurement, and if not, why.
+
+    All outputs are held over the period.
 
     Args:
         params: The observer.
@@ -69,14 +75,15 @@ class SettledForce(LeafSystem):
         - settled_force
         - settled_force_rate
 
-    The observer takes gripper and arm to be quasi-static (section 4.1), which an impact is not: it
-    would be sure of a wrong normal, the more the quieter the sensor. Zeros are no contact to it.
+    The observer assumes that gripper and arm are quasi-static (section 4.1), but an impact is not.
+    From an impact it would be certain of a wrong normal, the more the quieter the sensor. It reads
+    zeros as no contact.
 
-    ``measured_force``, N, and ``measured_force_rate``, N/s, shape (d,); ``mode``, size 1, as
-    :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it. The outputs, shape
-    (d,), are zeros in the first ``wait`` seconds of each contact, else what is measured.
+    ``measured_force``, N, and ``measured_force_rate``, N/s, have shape (d,). ``mode``, size 1, is
+    that of :class:`chamfer.systems.force.contact_detection.ContactDetection`. The outputs, shape
+    (d,), are zeros in the first ``wait`` seconds of each contact, else the inputs.
 
-    Discrete state: for how long there has been contact, s, size 1.
+    Discrete state: duration of the present contact, s, size 1.
 
     Args:
         wait: s, >= 0.
@@ -113,7 +120,7 @@ class SettledForce(LeafSystem):
 
 
 class PredictedNormal(LeafSystem):
-    """Gives the normal of a stored surface where the gripper is.
+    """Looks up the normal of a stored surface at the gripper's position.
 
     .. pydrake_system::
 
@@ -127,7 +134,7 @@ class PredictedNormal(LeafSystem):
     ``predicted_normal``, shape (d,), unit, that of the stored surface's level at this position.
 
     Args:
-        surface: The surface as it is taken to be.
+        surface: The assumed surface.
     """
 
     def __init__(self, surface: Surface) -> None:

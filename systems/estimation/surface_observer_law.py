@@ -26,7 +26,7 @@ def make_filter(params: ResolvedSurfaceObserverParams) -> NormalFilter:
 
 
 class ObserverObservation(NamedTuple):
-    """What the law reads, in d = 2 or 3 dimensions."""
+    """Inputs of the law, in d = 2 or 3 dimensions."""
 
     measured_force: Array
     measured_force_rate: Array
@@ -36,7 +36,7 @@ class ObserverObservation(NamedTuple):
 
 
 class ObserverState(NamedTuple):
-    """What one sample hands to the next: the filter's memory, and what is given of it."""
+    """Memory from one sample to the next: the filter's memory, and its outputs."""
 
     memory: Array
     normal: Array  # (d,)

@@ -5,7 +5,7 @@ from chamfer.systems.law_block import LawBlock
 
 
 class AccommodationController(LawBlock[AccommodationLaw]):
-    """Perturbs a commanded velocity in proportion to the wrench, ``V_ref = V_cmd + D^-1 F``.
+    """Changes a commanded velocity in proportion to the wrench, ``V_ref = V_cmd + D^-1 F``.
 
     .. pydrake_system::
 
@@ -18,12 +18,11 @@ class AccommodationController(LawBlock[AccommodationLaw]):
         - velocity
         - perturbed
 
-    All of shape (6,), angular above linear, in the axes of one frame, whose origin is the
-    reference point: ``command`` and ``velocity`` in rad/s and m/s, ``wrench`` in N m and N, on the
-    tool. The velocity is computed once a period and held; ``perturbed`` is the command that it was
-    computed of, held likewise. ``damping``, N m s/rad and N s/m, sets sub-matrices of D: of each
-    axis the damping in place of that of the parameters, infinity for stiff, 0 for that of the
-    parameters.
+    All signals have shape (6,), angular above linear, in the axes of one frame; its origin is the
+    reference point. ``command`` and ``velocity`` are in rad/s and m/s, ``wrench`` in N m and N, on
+    the tool. The block computes the velocity once a period and holds it. ``perturbed`` is the
+    command behind it, held likewise. ``damping``, N m s/rad and N s/m, replaces the parameters'
+    damping of each axis: infinity is stiff, 0 keeps the parameters' value.
 
     Discrete state: the velocity, the command.
 

@@ -94,7 +94,7 @@ class AccommodationParams:
         return replace(self, damping=damping)
 
     def against(self, stiffness: tuple[float, ...]) -> Self:
-        """Return these parameters for a wrist that is so stiff, damped as much as that needs."""
+        """Return these parameters for a wrist of this stiffness, with the damping it needs."""
         stiffer = tuple(map(max, self.stiffness, stiffness))
         found = replace(self, stiffness=stiffer, allow_unstable=True)
         if not self.allow_unstable:
@@ -112,7 +112,7 @@ class AccommodationParams:
         return self._mobility_of(np.array(self.damping))
 
     def _mobility_of(self, damping: Array) -> Array:
-        """Return the inverse at the reference point of what is diagonal at the centre.
+        """Return the inverse at the reference point of a matrix that is diagonal at the centre.
 
         Sums go from the first to the last, here and in the laws, so that C has the same bits.
         """
@@ -129,7 +129,7 @@ class AccommodationParams:
 
 
 class AccommodationObservation(NamedTuple):
-    """What the law reads, shape (6,) each."""
+    """Inputs of the law, shape (6,) each."""
 
     command: Array
     wrench: Array
@@ -137,7 +137,7 @@ class AccommodationObservation(NamedTuple):
 
 
 class AccommodationState(NamedTuple):
-    """What one step hands to the next, and what the law gives, shape (6,) each."""
+    """Memory from one step to the next, and outputs of the law, shape (6,) each."""
 
     velocity: Array
     perturbed: Array
@@ -150,7 +150,7 @@ def product(matrix: Array, vector: Array) -> Array:
 
 
 class AccommodatingLaw(HeldLaw[State, AccommodationObservation, State]):
-    """What gives way to a wrench: the signals that its laws have in common."""
+    """A law that yields to a wrench: the signals that such laws have in common."""
 
     observation = AccommodationObservation
 
@@ -170,7 +170,7 @@ class AccommodatingLaw(HeldLaw[State, AccommodationObservation, State]):
         self._mobility = lru_cache(maxsize=16)(lambda own: params.with_damping(own).mobility)
 
     def mobility(self, damping: Array | None) -> Array:
-        """Return what makes a velocity of a wrench, with a damping that is set."""
+        """Return the matrix from a wrench to a velocity, with a damping that is set."""
         return self._mobility(() if damping is None else tuple(damping.tolist()))
 
 

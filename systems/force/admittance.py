@@ -5,7 +5,7 @@ from chamfer.systems.law_block import LawBlock
 
 
 class AdmittanceController(LawBlock[AdmittanceLaw]):
-    """Makes of a commanded velocity and a wrench the motion of a mass on spring and damper.
+    """Moves like a mass on spring and damper under a commanded velocity and a wrench.
 
     .. pydrake_system::
 
@@ -18,11 +18,11 @@ class AdmittanceController(LawBlock[AdmittanceLaw]):
         - velocity
         - perturbed
 
-    ``M v' + D (v - v_cmd) + K (x - x_cmd) = F``, in the place of
-    :class:`chamfer.systems.force.accommodation.AccommodationController`, whose ports it has, and
-    whose velocity without M and K to the last bit. The axes are those of one frame that moves
-    with the tool; of its rotations the displacement ``x - x_cmd`` is the sum, for small angles.
-    A ``damping`` that is set takes the place of D; mass and spring stay.
+    ``M v' + D (v - v_cmd) + K (x - x_cmd) = F``. The block replaces
+    :class:`chamfer.systems.force.accommodation.AccommodationController` and has the same ports.
+    Without M and K its velocity is the same to the last bit. The axes are those of one frame that
+    moves with the tool. The displacement ``x - x_cmd`` is the sum of its rotations, for small
+    angles. A ``damping`` that is set replaces D; mass and spring stay.
 
     Discrete state: the velocity, the command and the displacement.
 

@@ -115,7 +115,7 @@ class AdmittanceParams(AccommodationParams):
 
 
 class AdmittanceState(NamedTuple):
-    """What one step hands to the next, shape (6,) each."""
+    """Memory from one step to the next, shape (6,) each."""
 
     velocity: Array
     perturbed: Array

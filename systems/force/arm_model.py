@@ -47,13 +47,13 @@ class Placement:
 
 @dataclass(frozen=True, kw_only=True)
 class ToolParams:
-    """What is mounted on the flange, and the frame T in it that the arm has to place.
+    """The body on the flange, and its frame T that the arm has to place.
 
     The tool frame's x axis is the direction of insertion: out of the peg at its tip, into the
     hole at its mouth.
     """
 
-    mass: float  # kg, with what it holds
+    mass: float  # kg, with its load
     centre_of_mass: Vector3  # m, in the frame T
     inertia: Vector3  # kg m^2, about the centre of mass and T's axes
     frame: Placement = field(default_factory=Placement)  # X_FT, in the flange's frame
@@ -101,7 +101,7 @@ def add_arm(
 
 
 class ToolState(NamedTuple):
-    """What a controller needs to know at joint positions q; of n joints."""
+    """The quantities that a controller needs at joint positions q; of n joints."""
 
     X_WT: RigidTransform  # the tool frame
     J_V_WT: Array  # (6, n), rad/s above m/s, of T's origin, in the world's axes
@@ -156,7 +156,7 @@ class ArmModel:
 
 
 class TruePose(LeafSystem):
-    """Picks the true pose of one body out of a plant's; for logs, not for controllers.
+    """Selects the true pose of one body of a plant; for logs, not for controllers.
 
     .. pydrake_system::
 
@@ -216,7 +216,7 @@ class ToolForce(LeafSystem):
 
 
 def tool_friction(J_V_WT: Array, dry_friction: Array) -> tuple[Array, Array]:
-    """Return what friction holds at rest, and what it takes of a motion, N m above N, (6,) each.
+    """Return friction's largest wrench at rest, and in motion, N m above N, (6,) each.
 
     Up to ``min_i tau_i / |J_i e|`` no joint moves if the tool is pushed so and not otherwise. A
     motion takes the power that the joints lose over the speed, ``sum_i tau_i |(J^+ e)_i|``, with

@@ -1,4 +1,4 @@
-"""What a position-controlled arm makes of the force at its wrist: a pose beside its command."""
+"""The law that offsets a position-controlled arm's command by the force at its wrist."""
 
 import math
 from dataclasses import dataclass
@@ -65,12 +65,12 @@ class ContactAdmittanceParams:
 
     @property
     def stiffness(self) -> tuple[float, ...]:
-        """K, N m/rad and N/m; infinity where nothing gives way."""
+        """K, N m/rad and N/m; infinity along rigid axes."""
         return self.spring if self.kind == "wrist" else (math.inf,) * _SIX
 
     @property
     def support(self) -> Support | None:
-        """What its springs are to a peg; None: it does not give way."""
+        """The support that its springs give a peg; None: it is rigid."""
         _, pitch, yaw, _, y, z = self.spring
         if self.kind == "none":
             return None
@@ -83,7 +83,7 @@ class ContactAdmittanceParams:
 
 @dataclass(frozen=True, kw_only=True)
 class WristSetting:
-    """Where the law is: what it knows of sensor, tool and hole."""
+    """The law's knowledge of sensor, tool and hole."""
 
     R_WH: Array  # axes of the hole, x into it, shape (3, 3)
     R_TS: Array  # axes of the sensor in the tool's frame T, likewise
@@ -94,7 +94,7 @@ class WristSetting:
 
 
 class ContactAdmittanceObservation(NamedTuple):
-    """What the law reads."""
+    """Inputs of the law."""
 
     desired_pose: Array
     reading: Array
@@ -103,7 +103,7 @@ class ContactAdmittanceObservation(NamedTuple):
 
 
 class ContactAdmittanceState(NamedTuple):
-    """What one step hands to the next, shape (6,) but for the count, (1,)."""
+    """Memory from one step to the next, shape (6,) except for the count, (1,)."""
 
     velocity: Array
     perturbed: Array
@@ -113,7 +113,7 @@ class ContactAdmittanceState(NamedTuple):
 
 
 class ContactAdmittanceCommand(NamedTuple):
-    """What the law gives."""
+    """Outputs of the law."""
 
     reference_pose: Array
     force: Array

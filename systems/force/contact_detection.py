@@ -11,7 +11,7 @@ from chamfer.systems.statechart.state_machine import StateMachine
 
 
 class ContactDetection(StateMachine[Inputs, Memory]):
-    """Tells contact from free motion, and remembers when it was first made (section 2.1.4).
+    """Detects contact, and remembers the time of the first one (section 2.1.4).
 
     .. pydrake_system::
 
@@ -22,9 +22,9 @@ class ContactDetection(StateMachine[Inputs, Memory]):
         - contact_time
         - state
 
-    ``measured_force``, shape (m,), N, of the arm on the surface. ``state`` is 0 before contact, 1
-    in contact and 2 while it is lost; ``contact_time`` the time of the first contact in s, -1
-    before. ``direction``, shape (m,), in which the arm pushes, is of any length.
+    ``measured_force``, shape (m,), N, is of the arm on the surface. ``state`` is 0 before contact,
+    1 in contact and 2 while it is lost. ``contact_time`` is the time of the first contact in s, -1
+    before. The arm pushes along ``direction``, shape (m,), of any length.
     """
 
     def __init__(self, params: ContactDetectionParams, direction: Array, *, period: float) -> None:

@@ -28,7 +28,7 @@ _LEAST: Final = 0.1  # N, threshold without noise
 _ABOVE: Final = 1.6  # thresholds by the noise: what was 0.8 and 0.2 N of the Adept's 0.5 N
 _BELOW: Final = 0.4
 _SLOW: Final = 1.1  # by a bias, which is the same in all readings
-_RARE: Final = 1e-8  # chance that noise alone is taken for contact, at a tick
+_RARE: Final = 1e-8  # probability that noise alone counts as contact, at a tick
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class ContactDetectionParams:
 
     detect: float | None = None  # N, a larger force is contact
     release: float | None = None  # N, while in contact a force not above it is its loss
-    samples: int | None = None  # readings in a row that it takes, both ways
+    samples: int | None = None  # consecutive readings that start or end a contact
 
     def __post_init__(self) -> None:
         require_positive(self, "detect")
@@ -48,7 +48,7 @@ class ContactDetectionParams:
             raise ParameterError("samples", self.samples, "a whole number >= 1")
 
     def resolved(self, noise: float, bias: float = 0.0) -> "ContactDetectionParams":
-        """Return the parameters with what noise and bias of the push without contact ask for, N.
+        """Return the parameters, with open ones derived from noise and bias without contact, N.
 
         ``noise`` is its half-width, ``bias`` the most that it is off on average. A threshold in
         the bias is refused.
@@ -68,13 +68,13 @@ class ContactDetectionParams:
 
 
 class Inputs(NamedTuple):
-    """What the chart sees."""
+    """Inputs of the chart."""
 
     measured_force: tuple[float, ...]  # N, shape (m,), of the arm on the surface
 
 
 class Memory(NamedTuple):
-    """What the chart remembers."""
+    """Memory of the chart."""
 
     contact_time: float = -1.0  # s, of the first contact; -1 before
     beyond: int = 0  # readings in a row, up to now, beyond the threshold that would end the state
@@ -94,7 +94,7 @@ def push_along(direction: Array, force: Array) -> float:
 
 
 def is_beyond(state: int, push: float, detect: float, release: float) -> bool:
-    """Tell whether a push, N, is beyond the threshold that would end a state."""
+    """Return whether a push, N, is beyond the threshold that would end a state."""
     return push <= release if state == CONTACT else push > detect
 
 

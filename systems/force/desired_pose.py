@@ -1,4 +1,4 @@
-"""The pose that a tool is told to take: a straight motion, a feed, a compensation."""
+"""The desired pose of a tool: a straight motion, a feed, a compensation."""
 
 import math
 from typing import Final
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class StoppableMotion(LeafSystem):
-    """Goes on a line from a position to a goal, unless it is stopped.
+    """Moves on a line from a position to a goal, until it is stopped.
 
     .. pydrake_system::
 
@@ -34,14 +34,14 @@ class StoppableMotion(LeafSystem):
         - desired_velocity
 
     ``desired_pose``, shape (7,), is quaternion w, x, y, z and position, m, a cubic polynomial of
-    time; the orientation is the goal's all along. ``desired_velocity``, shape (6,), is rad/s and
-    m/s in the world's axes. Once ``stop``, size 1, was 1 at a period's begin the pose stays where
-    it is and the velocity is 0, for good.
+    time; the orientation is always the goal's. ``desired_velocity``, shape (6,), is rad/s and m/s
+    in the world's axes. Once ``stop``, size 1, is 1 at the start of a period, the pose stays and
+    the velocity is 0, permanently.
 
     Discrete state: when it was stopped, s, or infinity.
 
     The tool starts at ``p_WT``, m, shape (3,), and is at the goal X_WT from ``duration``, s, on;
-    the period, s, is between two looks at ``stop``.
+    the period, s, is that in which it reads ``stop``.
     """
 
     def __init__(self, p_WT: Array, goal: RigidTransform, duration: float, period: float) -> None:
@@ -79,7 +79,7 @@ OFFSET_SIZE = 8
 
 
 class FeedOffset(LeafSystem):
-    """Moves a pose along the x axis of another one, and aside of it.
+    """Moves a pose along the x axis of another one, and sideways.
 
     .. pydrake_system::
 
@@ -94,10 +94,10 @@ class FeedOffset(LeafSystem):
         - velocity
 
     ``pose``, ``along`` and ``advanced_pose``, shape (7,), are quaternion w, x, y, z and position,
-    m. ``feed``, shape (3,): how far, m, how fast, m/s, and when that was so, s; between its
-    samples the pose goes on at that rate. ``offset``, shape (8,): how far aside at that time, m,
-    along y and z of ``along``, and turned about them, rad, and the rates, m/s and rad/s.
-    ``velocity``, shape (6,), rad/s and m/s in the world's axes, is of feed and offset alone.
+    m. ``feed``, shape (3,), is distance, m, speed, m/s, and their time, s; between its samples the
+    pose continues at that speed. ``offset``, shape (8,), is the sideways offset at that time, m,
+    along y and z of ``along``, the rotations about them, rad, and the rates, m/s and rad/s.
+    ``velocity``, shape (6,), rad/s and m/s in the world's axes, is that of feed and offset only.
     """
 
     def __init__(self) -> None:
@@ -142,8 +142,8 @@ class CompensatedPose(LeafSystem):
     ``desired_pose`` and ``pose``, shape (7,), are quaternion w, x, y, z and position, m;
     ``compensation``, shape (6,), is a displacement, m, and a rotation vector, rad, in axes H.
 
-    ``share`` is what this arm takes of the compensation, negative for the arm with the hole, whose
-    motion has the opposite effect; R_WH has the axes, by default the world's.
+    ``share`` is this arm's part of the compensation, negative for the arm with the hole, whose
+    motion has the opposite effect. R_WH has the axes, by default the world's.
     """
 
     def __init__(self, share: float, R_WH: RotationMatrix = _WORLD) -> None:

@@ -35,18 +35,18 @@ class FrictionCompensationParams:
         return np.isin(np.arange(n), list(joints)).astype(np.float64)
 
     def follow(self, period: float) -> float:
-        """Return the part of a change that the estimate takes up in a period, s."""
+        """Return the estimate's response to a change after one period, s."""
         return 1 - math.exp(-2 * math.pi * self.bandwidth * period)
 
 
 @compiled
 def friction_estimate(estimate: Array, command: Array, base_torque: Array, follow: Array) -> Array:
-    """Return the friction's estimate a period later; it follows by a part of each, (n,)."""
+    """Return the friction's estimate a period later; it follows by a part for each joint, (n,)."""
     return estimate + follow * ((command + estimate - base_torque) - estimate)
 
 
 class FrictionCompensation(LeafSystem):
-    """Adds to a torque the friction that it meets, as a base sensor shows it.
+    """Adds to a torque the joint friction that a base sensor shows.
 
     .. pydrake_system::
 
@@ -58,21 +58,21 @@ class FrictionCompensation(LeafSystem):
         output_ports:
         - torque
 
-    Idea of Morel and Dubowsky (1996): a sensor under the base resolves the torque that the joints
-    transmit to the links; what is missing of the motors' torque is friction. The estimate follows
-    it with a first-order lag and is fed forward. An arm's own ``base_torque`` is that of an ideal
-    sensor; :class:`BaseWrenchTorque` resolves what a real one reads.
+    Morel and Dubowsky (1996): a sensor under the base resolves the torque that the joints transmit
+    to the links. The difference from the motors' torque is friction. The estimate follows it with
+    a first-order lag and is fed forward. An arm's own ``base_torque`` is that of an ideal sensor;
+    :class:`BaseWrenchTorque` resolves the reading of a real one.
 
-    ``command`` and ``torque``, shape (n,), the same units as ``base_torque``. ``moving``, shape
-    (n,), may be left open: the estimate of a joint with 0 there is kept, of one with 1 it follows.
-    A joint that sticks takes whatever torque it is given, so that the estimate would grow until it
-    breaks loose, and then be too much: a joint that is to stand hunts. Kept, it is right when the
-    joint goes on.
+    ``command`` and ``torque``, shape (n,), have the units of ``base_torque``. ``moving``, shape
+    (n,), may be left open. The estimate of a joint with 0 there is kept, that of one with 1
+    follows. A joint that sticks takes any torque, so a following estimate grows until the joint
+    breaks loose, and is then too large: a joint at rest limit-cycles. A kept estimate is right
+    when the joint moves again.
 
     Discrete state: the friction estimate, shape (n,). The period is in s.
 
     Raises:
-        ParameterError: If a compensated joint is not there.
+        ParameterError: If a compensated joint does not exist.
     """
 
     def __init__(self, params: FrictionCompensationParams, *, joints: int, period: float) -> None:
@@ -106,7 +106,7 @@ class FrictionCompensation(LeafSystem):
 
 
 class JointsToMove(LeafSystem):
-    """Tells the joints that a command moves from those that are to stand.
+    """Marks the joints that a command moves.
 
     .. pydrake_system::
 
@@ -117,8 +117,8 @@ class JointsToMove(LeafSystem):
         output_ports:
         - moving
 
-    ``encoders``, shape (2n,), q and velocity; ``desired_velocity``, shape (n,), of the endpoint's
-    coordinates, m/s and rad/s. ``moving``, shape (n,): 1 for a joint whose entry of
+    ``encoders``, shape (2n,), is q and velocity; ``desired_velocity``, shape (n,), is that of the
+    endpoint's coordinates, m/s and rad/s. ``moving``, shape (n,), is 1 for a joint whose entry of
     ``J(q)^-1 desired_velocity`` is at least the rest speed, else 0.
 
     The arm has as many coordinates as joints; the rest speed is in rad/s, m/s of sliding joints.
@@ -139,7 +139,7 @@ class JointsToMove(LeafSystem):
 
 
 class BaseWrenchTorque(LeafSystem):
-    """Resolves the wrench of the base on an arm into what its joints transmit.
+    """Resolves the wrench of the base on an arm into the torques that its joints transmit.
 
     .. pydrake_system::
 
@@ -150,14 +150,14 @@ class BaseWrenchTorque(LeafSystem):
         output_ports:
         - base_torque
 
-    Through joint j goes what the base gives less what the links before it take, and of that the
-    joint transmits what lies along its axis: ``tau_j = s_j . (W - sum_(i < j) w_i)``, with the
-    joint's screw s_j and the weight and the velocity terms w_i of link i, all about the world's
-    origin. What links take as they speed up is left out, as in the paper.
+    The wrench through joint j is that of the base minus those of the links before it. The joint
+    transmits its part along its axis: ``tau_j = s_j . (W - sum_(i < j) w_i)``. Here s_j is the
+    joint's screw and w_i has the weight and the velocity terms of link i, all about the world's
+    origin. The links' acceleration is left out, as in the paper.
 
     ``base_wrench``, shape (6,): moment about the world's origin, N m, and force, N, of the base on
     the arm, world axes. ``encoders``, shape (2n,), q and velocity. ``base_torque``, shape (n,),
-    N m or N: torque of the motors less friction of the joints, and less what the rotors take.
+    N m or N: torque of the motors minus friction of the joints and minus the rotors' inertia.
     """
 
     def __init__(self, dynamics: ArmDynamics) -> None:

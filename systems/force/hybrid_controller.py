@@ -1,4 +1,4 @@
-"""Hybrid position/force control as a block, and what speeds up its motions."""
+"""Hybrid position/force control as a block, and acceleration feedforward."""
 
 import contextlib
 import math
@@ -16,7 +16,7 @@ from chamfer.systems.ports import require_ports
 
 
 class HybridController(LawBlock[HybridLaw]):
-    """Position control in the domain P, force control in the domain F = I - P.
+    """Controls position in the domain P and force in the domain F = I - P.
 
     .. pydrake_system::
 
@@ -34,48 +34,52 @@ class HybridController(LawBlock[HybridLaw]):
         - position_error
         - force_error
 
-    With endpoint x, Jacobian J and the projected error e = P (x_d - x), a period T computes
+    With endpoint x, Jacobian J and the projected error e = P (x_d - x), each period T computes
 
     * ``transpose`` (Fig. 2-1): ``I += Ki e T``, ``tau = J^T (Kp e + I - Kd P x')``
     * ``inverse`` (Fig. 2-2): ``e_q = J^-1 e``, ``I += Ki e_q T``,
       ``tau = Kp e_q + I - Kd J^-1 P x'``
     * ``projected``: the same with the pseudo-inverse ``(P J)^+`` in place of ``J^-1 P``. It is
-      ours: it moves the joints no more than the position domain needs, and the kinematic
-      instability of the inverse law is gone.
+      this project's: it moves the joints no more than the position domain needs, and removes the
+      kinematic instability of the inverse law.
     * force: ``I_f += Kif F (F_d - F_m) T``, ``tau += J^T (F F_d + I_f - Kdf F x')``. The damping
-      is ours: on a soft gripper the integral swings without it, from Kif = b / m on for an arm of
-      mass m and viscous friction b. The thesis has none (0).
+      is this project's; the thesis has none (0). Without it the integral oscillates on a soft
+      gripper, from Kif = b / m on for an arm of mass m and viscous friction b.
 
-    Both integrators are behind the selection. At a change of ``mode`` an offset torque takes up
-    the difference but for that of the force domain's damping, so that the torque does not jump
+    Both integrators act after the selection. At a change of ``mode`` an offset torque absorbs the
+    difference, except that of the force domain's damping, so that the torque does not jump
     (section 2.1.4).
 
-    With ``desired_velocity`` connected the damping acts on the rate's error, ``P (x' - x_d')`` in
-    place of ``P x'``, so that a motion lags by its acceleration alone and not by ``Kd / Kp`` times
-    its speed. Unconnected, as in the thesis, it acts on the rate. What damps the force domain acts
-    on the rate in any case.
+    With ``desired_velocity`` connected the damping acts on the velocity error, ``P (x' - x_d')``
+    in place of ``P x'``. A motion then lags only by its acceleration, not by ``Kd / Kp`` times its
+    speed. Unconnected, as in the thesis, the damping acts on the velocity. The damping of the
+    force domain always acts on the velocity.
 
     While contact is lost (mode 2) a velocity damping and an integral term replace the force
-    integral: ``f = L d - B F x'``, where d is the direction of F F_d and L integrates from 0 what
-    is missing to the creep speed, no faster than the ramp. The offset is then chosen so that the
-    push starts at 0.
+    integral: ``f = L d - B F x'``. Here d is the direction of F F_d. L integrates from 0 the
+    difference to the creep speed, no faster than the ramp. The offset then makes the push start at
+    0.
 
-    With ``full_dynamics`` the model of (2-1) is used: the law's joint torque, divided by the
-    nominal ``inertia``, is taken as a joint acceleration and multiplied by the mass matrix, and
-    Coriolis and gravity torques are added.
+    With ``full_dynamics`` the law uses the model of (2-1). It divides its joint torque by the
+    nominal ``inertia`` to a joint acceleration, multiplies that by the mass matrix, and adds
+    Coriolis and gravity torques.
 
-    ``encoders``, shape (2n,), q and velocity; ``desired_position``, shape (m,), m (rad);
-    ``desired_velocity``, shape (m,), m/s (rad/s); ``desired_force`` and ``measured_force``, shape
-    (m,), N, of the arm on its environment; ``selection``, shape (m * m,), P row by row; ``mode``,
-    size 1, as :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it, or more
-    than that: another contact, in which all position integrators are held, because in a joint that
-    presses one would push on by the errors of the others.
-    ``torque``, shape (n,), and the errors, desired less measured, shape (m,), before the
+    Inputs:
+
+    * ``encoders``, shape (2n,), q and velocity.
+    * ``desired_position``, shape (m,), m (rad); ``desired_velocity``, shape (m,), m/s (rad/s).
+    * ``desired_force`` and ``measured_force``, shape (m,), N, of the arm on its environment.
+    * ``selection``, shape (m * m,), P row by row.
+    * ``mode``, size 1, of :class:`chamfer.systems.force.contact_detection.ContactDetection`. A
+      higher number is another contact, in which all position integrators are held. Otherwise the
+      integrator of a joint that presses would push because of the others' errors.
+
+    ``torque``, shape (n,), and the errors, desired minus measured, shape (m,), before the
     selection, are held over the period.
 
     Raises:
         ParameterError: If an input is not finite, P is no projection or, in contact, leaves the
-            force no direction, or the arm comes to a singular pose.
+            force no direction, or the arm reaches a singular pose.
     """
 
     def __init__(
@@ -105,7 +109,7 @@ def require_hybrid_ports(controller: System, arm: Kinematics) -> None:
 
 
 class AccelerationFeedforward(LeafSystem):
-    """Adds what the inertia takes, so that a motion neither lags nor overshoots as it speeds up.
+    """Adds the torque for the desired acceleration, so that motions neither lag nor overshoot.
 
     .. pydrake_system::
 
@@ -117,19 +121,19 @@ class AccelerationFeedforward(LeafSystem):
         output_ports:
         - torque
 
-    ``tau = M(q) J^-1 P x_d''``, with mass matrix M, or its diagonal alone, Jacobian J and the
-    position domain P, as the computed-torque law has it; what a turning Jacobian adds,
-    ``J' q'``, is left to the feedback.
-    It is apart from :class:`chamfer.systems.force.hybrid_controller.HybridController`, whose
-    offset at a change of mode would keep what is accelerated with at that instant.
+    ``tau = M(q) J^-1 P x_d''`` as in the computed-torque law, with mass matrix M, or only its
+    diagonal, Jacobian J and the position domain P. The feedback handles the term ``J' q'`` of a
+    changing Jacobian. The block is separate from
+    :class:`chamfer.systems.force.hybrid_controller.HybridController`, whose offset at a change of
+    mode would keep the feedforward torque of that instant.
 
-    ``encoders``, shape (2n,), q and velocity; ``desired_acceleration``, shape (m,), m/s^2 and
-    rad/s^2; ``selection``, shape (m * m,), P row by row. ``torque``, shape (n,), N m or N, is held
-    over the period, s.
+    ``encoders``, shape (2n,), is q and velocity; ``desired_acceleration``, shape (m,), m/s^2 and
+    rad/s^2; ``selection``, shape (m * m,), is P row by row. ``torque``, shape (n,), N m or N, is
+    held over the period, s.
 
     Raises:
         ParameterError: If the period is not positive; while running, if an input is not finite or
-            the arm comes to a singular pose.
+            the arm reaches a singular pose.
     """
 
     def __init__(

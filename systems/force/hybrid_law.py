@@ -70,18 +70,18 @@ class HybridGains:
 class HybridControllerParams(HybridGains):
     """Parameters of :class:`HybridController`, for n joints and m = n endpoint coordinates."""
 
-    law: LawKind = "inverse"  # with which Cartesian errors become torques
+    law: LawKind = "inverse"  # from Cartesian errors to torques
     feedforward_torque: tuple[float, ...] | None = None
     # N m or N, constant estimate of gravity, [] for none; None: derived, gravity at the start
-    loss_mode: bool = True  # False: the force integral goes on while contact is lost
-    creep_speed: float = 0.05  # m/s, with which lost contact is sought
-    creep_damping: float = 60.0  # N s/m, against the speed while lost contact is sought
-    creep_ramp: float = 40.0  # N/s, with which the push grows at rest
+    loss_mode: bool = True  # False: the force integral continues while contact is lost
+    creep_speed: float = 0.05  # m/s, in the search for lost contact
+    creep_damping: float = 60.0  # N s/m, against the speed in that search
+    creep_ramp: float = 40.0  # N/s, growth of the push at rest
     bumpless: bool = True  # False: no offset torque, for comparison
     held_integrators: tuple[int, ...] = ()  # joints or coordinates, off while in contact
     full_dynamics: bool = False  # True: with the whole model of (2-1)
     inertia: tuple[float, ...] | None = None
-    # kg m^2 or kg, nominal, of the full dynamics; None: derived, the arm's where it should touch
+    # kg m^2 or kg, nominal, of the full dynamics; None: derived, the arm's at the contact point
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -95,7 +95,7 @@ class HybridControllerParams(HybridGains):
             raise ParameterError("feedforward_torque", self.feedforward_torque, "finite numbers")
 
     def for_joints(self, n: int) -> list[Array]:
-        """Return what :meth:`HybridGains.for_joints` does, all parameters checked."""
+        """Return the same as :meth:`HybridGains.for_joints`, with all parameters checked."""
         if not all(0 <= index < n for index in self.held_integrators):
             raise ParameterError("held_integrators", self.held_integrators, f"indices below {n}")
         if self.inertia is not None and len(self.inertia) != n:
@@ -109,7 +109,7 @@ class HybridControllerParams(HybridGains):
 
 
 class HybridMemory(NamedTuple):
-    """What one period of the controller hands to the next."""
+    """Memory of the controller from one period to the next."""
 
     torque: Array  # (n,)
     position_integral: Array  # (n,), in joint or endpoint coordinates
@@ -122,7 +122,7 @@ class HybridMemory(NamedTuple):
 
 
 class HybridObservation(NamedTuple):
-    """What the law reads."""
+    """Inputs of the law."""
 
     encoders: Array
     desired_position: Array
@@ -272,7 +272,7 @@ def control(
     mode: float,
     model: tuple[Array, Array],
 ) -> tuple[HybridMemory, bool]:
-    """Return the controller's memory after one period; False: it is none, in a singular pose.
+    """Return the controller's memory after one period; False in a singular pose.
 
     ``arm`` is joint velocities, endpoint and Jacobian, ``desired`` position, velocity and force,
     ``model`` mass matrix and bias, with full dynamics. See
@@ -336,7 +336,7 @@ def control(
 
 
 def efforts(units: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the units of what does work along coordinates in m or rad."""
+    """Return the units of efforts along coordinates in m or rad."""
     return tuple("N m" if unit == "rad" else "N" for unit in units)
 
 

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def position_map(J: Array, P: Array, law: LawKind) -> Array:
-    """Return what takes joint motion to the error that the law's gains see, shape (n, n).
+    """Return the matrix from joint motion to the error that the gains act on, shape (n, n).
 
     Joint coordinates for ``inverse`` and ``projected``, endpoint coordinates for ``transpose``.
     """
@@ -35,7 +35,7 @@ def stiffness_eigenvalues(mass: Array, J: Array, P: Array, law: LawKind) -> NDAr
 
 
 class Pose(NamedTuple):
-    """An arm at rest as the hybrid controller knows it, n joints."""
+    """An arm at rest in the hybrid controller's model, n joints."""
 
     mass: Array  # (n, n)
     J: Array  # (n, n), of the endpoint
@@ -91,7 +91,7 @@ def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) 
 def free_loop(
     mass: Array, J: Array, P: Array, params: HybridControllerParams, viscous: Array
 ) -> Array:
-    """Return what a period does to the position loop out of contact and without gravity.
+    """Return the one-period map of the position loop out of contact and without gravity.
 
     States: joint positions and velocities about a pose at rest, and those of the law. Mass matrix,
     Jacobian and position domain P have shape (n, n), the viscous friction (n,).

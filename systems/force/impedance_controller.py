@@ -1,4 +1,4 @@
-"""Cartesian impedance control as a block, and what its springs push with."""
+"""Cartesian impedance control as a block, and the force of its springs."""
 
 import math
 
@@ -30,7 +30,7 @@ def make_impedance_law(
 
 
 class ImpedanceController(LawBlock[ImpedanceLaw]):
-    """Makes the tool behave as a mass on springs and dampers anchored at a desired pose, eq. (1).
+    """Makes the tool behave like a mass on springs and dampers at a desired pose, eq. (1).
 
     .. pydrake_system::
 
@@ -45,29 +45,31 @@ class ImpedanceController(LawBlock[ImpedanceLaw]):
         - saturated
 
     ``T = T_g(q) - J^T [K_p (x - x_d) + K_d (x' - x'_d)] + T_null``, once a period, with the
-    controller's own model of the arm. Position and velocity errors are taken in the axes of the
-    desired pose D. The orientation error is the rotation vector theta of R_DT, up to pi; the
-    moment is the gradient of ``theta^T K theta / 2``, for equal stiffnesses k theta, so that the
-    springs store what they take. K_d is the
-    :func:`~chamfer.systems.force.impedance_law.modal_damping` for the effective inertia
-    ``Lambda = (J M^-1 J^T)^-1`` at the rest posture.
+    controller's own model of the arm. Position and velocity errors are in the axes of the desired
+    pose D. The orientation error is the rotation vector theta of R_DT, up to pi. The moment is the
+    gradient of ``theta^T K theta / 2``, k theta for equal stiffnesses, so that the springs
+    conserve energy. K_d is the :func:`~chamfer.systems.force.impedance_law.modal_damping` for the
+    effective inertia ``Lambda = (J M^-1 J^T)^-1`` at the rest posture.
 
     The torque towards the rest posture, and the damping of the elbow's own motion, are projected
-    into the null space that is consistent with the mass matrix: they do not accelerate the tool.
-    The law needs no inverse of the Jacobian, the projection a regularised one, so that in a
-    singular pose the torque is finite and the tool compliant as eq. (1) says. The torque is
-    limited at last. An arm with six joints has no null space.
+    into the null space that is consistent with the mass matrix. So they do not accelerate the
+    tool. An arm with six joints has no null space. The law needs no inverse of the Jacobian, and
+    the projection a regularised one. So in a singular pose the torque is finite and the tool is
+    compliant according to eq. (1). Last, the torque is limited.
 
-    Of an arm with n joints ``encoders``, shape (2 n,), is q (rad) and velocity;
-    ``desired_pose``, shape (7,), quaternion (w, x, y, z), of any length and sign, and position of
-    the tool frame, m; ``desired_velocity``, shape (6,), rad/s and m/s in the world's axes, 0 if
-    not connected. ``torque``, shape (n,), N m;
-    ``tool_pose``, shape (7,), where the model takes the tool to be, the quaternion's sign without
-    jumps (w >= 0 at the rest posture); ``saturated``, shape (n,), is the sign of a torque that
-    was limited, else 0. All are held over the period; the first ones are those of the start.
+    Inputs and outputs for an arm with n joints:
 
-    The model is what the controller knows of the arm, ``posture`` the rest posture q, rad, shape
-    (n,).
+    * ``encoders``, shape (2 n,), is q (rad) and velocity.
+    * ``desired_pose``, shape (7,), is quaternion (w, x, y, z), of any length and sign, and
+      position of the tool frame, m.
+    * ``desired_velocity``, shape (6,), rad/s and m/s in the world's axes, is 0 if not connected.
+    * ``torque``, shape (n,), N m.
+    * ``tool_pose``, shape (7,), is the tool's pose in the model. The quaternion's sign does not
+      jump (w >= 0 at the rest posture).
+    * ``saturated``, shape (n,), is the sign of a torque that was limited, else 0.
+
+    All outputs are held over the period; the first ones are those of the start. The model is the
+    controller's knowledge of the arm; ``posture`` is the rest posture q, rad, shape (n,).
 
     Raises:
         ParameterError: At construction if the posture is outside the joints' ranges or too close
@@ -83,7 +85,7 @@ class ImpedanceController(LawBlock[ImpedanceLaw]):
 
 
 class SpringForce(LeafSystem):
-    """Reads the force of an arm's virtual springs, and how far its tool is beyond another one.
+    """Computes the force of an arm's virtual springs, and its tool's depth in a hole.
 
     .. pydrake_system::
 
@@ -96,12 +98,12 @@ class SpringForce(LeafSystem):
         - force
         - advance
 
-    ``command`` and ``tool_pose``, shape (7,), are where the arm is told to be and where its
-    encoders say that it is, ``hole_pose`` where the hole is, by encoders too, or by what is known.
-    ``force``, shape (3,), N, is that of the springs on the tool along the hole's axes,
-    ``K_p (x_d - x)`` of eq. (1) of Ruybal, Lumia and Wood: at rest it is what the tool pushes
-    with, but for what the model of the arm lacks (payload, the joints' dry friction), which is to
-    be tared. ``advance``, m, is how far the tool is beyond the hole's mouth along its axis.
+    ``command`` and ``tool_pose``, shape (7,), are the commanded pose and the encoders' pose of the
+    arm. ``hole_pose`` is the hole's pose, from encoders or known. ``force``, shape (3,), N, is
+    that of the springs on the tool along the hole's axes, ``K_p (x_d - x)`` of eq. (1) of Ruybal,
+    Lumia and Wood. At rest it is the tool's pushing force, except for effects that the arm's model
+    lacks (payload, the joints' dry friction); a tare removes these. ``advance``, m, is the tool's
+    distance beyond the hole's mouth along its axis.
 
     ``stiffness``, N/m, is that of the springs along the axes of the commanded pose.
     """

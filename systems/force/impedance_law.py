@@ -36,7 +36,7 @@ def modal_damping(stiffness: Array, inertia: Array, ratio: float) -> tuple[Array
 
 
 def stable_damping_ratios(frequency: float, period: float) -> tuple[float, float]:
-    """Return between which damping ratios a mode is stable whose controller samples it.
+    """Return the range of damping ratios in which a sampled mode is stable.
 
     A mass m is held by ``f = -(k x + d v)``, computed once a period T, s. If the plant takes n
     semi-implicit steps a period (v before x) the motion decays for ``d T/m + k T^2/(2 n m) < 2``
@@ -242,7 +242,7 @@ _STILL: Final = np.zeros(6)
 
 
 class KnownArm(NamedTuple):
-    """What a controller needs to know of its arm at joint positions; of n joints."""
+    """A controller's knowledge of its arm at joint positions; of n joints."""
 
     pose: Array  # (3, 4), [R_WT, p_WT] of the tool frame, m
     J_V_WT: Array  # (6, n), rad/s above m/s, of T's origin, in the world's axes
@@ -286,7 +286,7 @@ class ImpedanceControllerParams:
 
 
 class ImpedanceObservation(NamedTuple):
-    """What the law reads."""
+    """Inputs of the law."""
 
     encoders: Array
     desired_pose: Array
@@ -294,7 +294,7 @@ class ImpedanceObservation(NamedTuple):
 
 
 class ImpedanceState(NamedTuple):
-    """What one step hands to the next, and what the law gives."""
+    """Memory from one step to the next, and outputs of the law."""
 
     torque: Array
     tool_pose: Array
@@ -305,7 +305,7 @@ class ImpedanceLaw(HeldLaw[ImpedanceState, ImpedanceObservation, ImpedanceState]
     """See :class:`chamfer.systems.force.impedance_controller.ImpedanceController`.
 
     Args:
-        arm: What the controller knows of it at joint positions q, rad, shape (n,).
+        arm: The controller's knowledge of it at joint positions q, rad, shape (n,).
         posture: The rest posture q.
         params: The springs and the rest.
         limits: Largest torques of the joints, N m, shape (n,).
@@ -399,7 +399,7 @@ class ImpedanceLaw(HeldLaw[ImpedanceState, ImpedanceObservation, ImpedanceState]
         desired_pose: Array,
         desired_velocity: Array = _STILL,
     ) -> Array:
-        """Return torque, tool pose and saturation, shape (2 n + 7,), that follow from the inputs.
+        """Return torque, tool pose and saturation, shape (2 n + 7,), for the inputs.
 
         ``last_pose``, shape (7,), is the tool pose before; it decides the quaternion's sign.
         """

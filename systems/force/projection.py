@@ -1,4 +1,4 @@
-"""Projections on the directions that are under position control and those under force control."""
+"""Projections on the directions under position control and under force control."""
 
 import math
 from typing import Final

@@ -30,7 +30,7 @@ class Sampled(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """``z' = flow z + drive u``, seen as ``read z`` at once and as ``late z`` a delay later.
+    """``z' = flow z + drive u``, measured as ``read z`` at once and as ``late z`` a delay later.
 
     It has s states, n inputs, r and l outputs.
     """
@@ -99,7 +99,7 @@ def _periods(delay: float, period: float) -> tuple[int, float]:
 
 
 def _moved(plant: Plant, time: float) -> Array:
-    """Return what a time makes of state and held input, shape (s, s + n)."""
+    """Return the map of state and held input over a time, shape (s, s + n)."""
     s, n = plant.drive.shape
     both = np.zeros((s + n, s + n))
     both[:s, :s], both[:s, s:] = plant.flow, plant.drive
@@ -148,7 +148,7 @@ def parallel(first: Sampled, second: Sampled) -> Sampled:
 
 
 def closed(plant: Sampled, controller: Sampled, factor: float = 1.0) -> Array:
-    """Return what a period does to the states of both, with a factor on the plant's input.
+    """Return the one-period map of the states of both, with a factor on the plant's input.
 
     The plant's output must not depend on its present input.
     """

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 class Selection(LeafSystem):
-    """Gives the position domain: everything before contact, then all but the normal.
+    """Selects the position domain: everything before contact, then all but the normal.
 
     .. pydrake_system::
 
@@ -20,8 +20,8 @@ class Selection(LeafSystem):
         output_ports:
         - selection
 
-    ``mode``, size 1, is 0 before contact. ``selection``, size m * m, is P row by row; the force
-    domain is F = I - P. Section 2.1.4. The surface normal, shape (m,), is of any length.
+    Section 2.1.4. ``mode``, size 1, is 0 before contact. ``selection``, size m * m, is P row by
+    row; the force domain is F = I - P. The surface normal, shape (m,), is of any length.
     """
 
     def __init__(self, normal: Array) -> None:

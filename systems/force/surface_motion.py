@@ -127,7 +127,7 @@ def guarded_position(task: GuardedCode, time: float, contact_time: float) -> Arr
 
 
 class GuardedMotion(LeafSystem):
-    """Moves towards the surface, and after the first contact along it.
+    """Moves towards the surface, and along it after the first contact.
 
     .. pydrake_system::
 
@@ -137,9 +137,9 @@ class GuardedMotion(LeafSystem):
         output_ports:
         - desired_position
 
-    The approach begins and the motion along the surface grows with continuous velocity and finite
-    acceleration (section 6.2.2). At the contact the approach stops at once; its direction is then
-    under force control.
+    The start of the approach, and the growing motion along the surface, have continuous velocity
+    and finite acceleration (section 6.2.2). At contact the approach stops at once; its direction
+    is then under force control.
 
     ``contact_time``, size 1, s, negative before contact. ``desired_position``, shape (m,).
     """
@@ -225,30 +225,34 @@ class SurfaceMotion(LeafSystem):
         - desired_force
         - desired_position
 
-    Section 5.3.2. With the unit normal n, which points from the surface to the arm, the position
-    domain is ``P = I - n n^T``, the desired force ``-F_d n`` and the desired velocity ``V_d t``,
-    where t is the unit vector along ``n x axis``; in the plane and about z that is (n_y, -n_x).
-    The desired position is integrated over every period T, and in the force domain it follows
-    the arm's position x: ``x_d <- x + P (x_d + V_d t T - x)``. Of an endpoint vector that is
-    longer than the normal the further coordinates are held.
+    Section 5.3.2. The unit normal n points from the surface to the arm. The position domain is
+    ``P = I - n n^T``, the desired force ``-F_d n``, and the desired velocity ``V_d t``. Here t is
+    the unit vector along ``n x axis``; in the plane and about z that is (n_y, -n_x). The block
+    integrates the desired position over every period T. In the force domain it follows the arm's
+    position x: ``x_d <- x + P (x_d + V_d t T - x)``. If the endpoint vector is longer than the
+    normal, the further coordinates are held.
 
-    Before contact the position domain is everything and the desired position that of the
-    approach, from which the motion along the surface goes on. While contact is lost it stands
-    still, and afterwards begins again.
+    Before contact the position domain is everything, and the desired position is that of the
+    approach. The motion along the surface continues from there. It stops while contact is lost,
+    and begins again afterwards.
 
-    ``endpoint_motion``, shape (2m,), is the endpoint vector, m (rad), then its rate, which is not
-    used; ``normal``, shape (d,). ``mode``, size 1, is as
-    :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it; left unconnected,
-    the arm is taken to be in contact always. ``approach``, shape (m,), is the desired position
-    before contact. ``selection``, shape (m * m,), is P row by row; ``desired_force``, shape (m,),
-    N, of the arm on its environment; ``desired_position``, shape (m,), m. The outputs follow the
-    inputs at once, so that a controller which ticks with this block is given the period that
-    begins; between the ticks the desired position is that of the next one.
+    * ``endpoint_motion``, shape (2m,), is the endpoint vector, m (rad), then its rate, which is
+      not used.
+    * ``normal``, shape (d,).
+    * ``mode``, size 1, of :class:`chamfer.systems.force.contact_detection.ContactDetection`. If it
+      is left unconnected, the arm is assumed to be always in contact.
+    * ``approach``, shape (m,), is the desired position before contact.
+    * ``selection``, shape (m * m,), is P row by row.
+    * ``desired_force``, shape (m,), N, is of the arm on its environment.
+    * ``desired_position``, shape (m,), m.
+
+    The outputs follow the inputs directly, so a controller with the same ticks receives the values
+    of the period that begins. Between the ticks the desired position is that of the next one.
 
     Discrete state: the last period's desired position, shape (m,), m, and speed, m/s.
 
-    ``start``, m, shape (m,), is the desired position before the first period, s; ``axis`` z of
-    (5-6), of any length, along z in the plane; ``dimension`` d, 2 or 3, by default m.
+    ``start``, m, shape (m,), is the desired position before the first period, s. ``axis`` is z of
+    (5-6), of any length, along z in the plane. ``dimension`` is d, 2 or 3, by default m.
 
     Raises:
         ParameterError: If start or axis is none; while running, if an input is not finite, the

@@ -1,8 +1,8 @@
-"""The pose that a tool is told to take, and what its springs push with, as numbers.
+"""The commanded pose of a tool, and the force of its springs, as numbers.
 
-A pose, shape (7,), is a quaternion w, x, y, z and a position, m; a feed, shape (3,), says how far,
-m, how fast, m/s, and when that was so, s. An offset, shape (8,), says at the same time how far
-aside, m, along y and z, and turned about them, rad, and how fast, m/s and rad/s.
+A pose, shape (7,), is a quaternion w, x, y, z and a position, m. A feed, shape (3,), is a
+distance, m, a speed, m/s, and their time, s. An offset, shape (8,), is at the same time the offset
+along y and z, m, the rotations about them, rad, and the rates, m/s and rad/s.
 """
 
 import math
@@ -71,7 +71,7 @@ def axes_of(pose: Array) -> Array:
 def advanced(
     pose: Array, along: Array, feed: Array, time: float, offset: Array | None = None
 ) -> Array:
-    """Return a pose that is fed along the x axis of another one, and set aside, at a time, s."""
+    """Return a pose moved along the x axis of another one, and sideways, at a time, s."""
     fed, rate, since = feed.tolist()
     moved = np.array(pose)
     moved[4:] += (fed + rate * (time - since)) * axis_of(along)
@@ -107,7 +107,7 @@ def spring_force(stiffness: Array, command: Array, tool_pose: Array, hole_pose: 
 
 
 def advance_of(tool_pose: Array, hole_pose: Array) -> float:
-    """Return how far a tool is beyond the hole's mouth along its axis, m."""
+    """Return a tool's distance beyond the hole's mouth along its axis, m."""
     return float(axes_of(hole_pose)[:, 0] @ (tool_pose[4:] - hole_pose[4:]))
 
 

@@ -1,4 +1,4 @@
-"""The admittance of a position-controlled arm as a block, and what its wrist sensor feels."""
+"""The admittance of a position-controlled arm as a block, and its wrist sensor's load."""
 
 from typing import Final
 
@@ -17,7 +17,7 @@ WRIST_AXES: Final = RigidTransform(
 
 
 class ContactAdmittance(LawBlock[ContactAdmittanceLaw]):
-    """Moves an arm's reference pose away from its command as the force at its wrist asks for.
+    """Offsets an arm's reference pose from its command by the force at its wrist.
 
     .. pydrake_system::
 
@@ -32,25 +32,27 @@ class ContactAdmittance(LawBlock[ContactAdmittanceLaw]):
         - force
         - advance
 
-    ``M v' + D v + K x = F``, as :class:`chamfer.systems.force.admittance.AdmittanceController`
-    with a command at rest, about and along the hole's axes. ``desired_pose``, ``tool_pose``, by
-    the encoders, and ``reference_pose``, shape (7,), are quaternion w, x, y, z and position, m;
-    ``reading``, shape (6,), N m above N, is the wrench on the tool about its tip in the sensor's
-    axes. Taken off it are the tool's believed weight and the mean of what it read last while
-    ``tares``, size 1, was 1; meanwhile the displacement x is taken back to 0 whatever it reads.
+    ``M v' + D v + K x = F``, like :class:`chamfer.systems.force.admittance.AdmittanceController`
+    with a command at rest, about and along the hole's axes.
 
-    ``force``, shape (3,), N, is what the tool pushes with along the hole's axes, and ``advance``,
-    m, how far it is beyond the mouth by the encoders, as of
-    :class:`chamfer.systems.force.impedance_controller.SpringForce`.
+    * ``desired_pose``, ``tool_pose``, from the encoders, and ``reference_pose``, shape (7,), are
+      quaternion w, x, y, z and position, m.
+    * ``reading``, shape (6,), N m above N, is the wrench on the tool about its tip in the sensor's
+      axes. The law subtracts the tool's believed weight and the last tare.
+    * ``tares``, size 1, is 1 during a tare: the law averages the readings, and returns the
+      displacement x to 0 whatever the reading is.
+    * ``force``, shape (3,), N, is the tool's pushing force along the hole's axes.
+    * ``advance``, m, is its distance beyond the mouth by the encoders. Both are as in
+      :class:`chamfer.systems.force.impedance_controller.SpringForce`.
 
-    The outputs follow the inputs at once; who samples them at the law's period gets what its step
-    makes of them. Discrete states: velocity, command, 0, and displacement of the admittance, the
-    zero and the count of its readings.
+    The outputs follow the inputs directly; sampled at the law's period they are the results of its
+    step. Discrete states: velocity, command, 0, and displacement of the admittance, the zero and
+    the count of its readings.
     """
 
 
 class TurnedToSensor(LeafSystem):
-    """Turns the true wrench in the springs into the axes of the sensor, which goes with the arm.
+    """Expresses the true wrench in the springs in the axes of the sensor, which moves along.
 
     .. pydrake_system::
 

@@ -1,1 +1,1 @@
-"""Sensors of force and joint motion, and what they and the computer do to a signal."""
+"""Sensors of force and joint motion, and the effects of sensors and computer on a signal."""

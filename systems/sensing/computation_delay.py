@@ -1,4 +1,4 @@
-"""The time that a computer takes between its sensors and its torque."""
+"""The computer's delay between sensors and torque."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,14 @@ Array = NDArray[np.float64]
 def delayed(now: Array, before: Array, late: float, since: float, step: float) -> Array:
     """Return the mean torque over a step that begins a time since the tick, s, shape (n,).
 
-    The torque of before acts until the delay ``late``, s, is over.
+    The previous torque acts until the delay ``late``, s, is over.
     """
     old = min(max((late - since) / step, 0.0), 1.0)
     return now + old * (before - now)
 
 
 class ComputationDelay(LeafSystem):
-    """Holds a torque back for a part of the period in which it is computed.
+    """Delays a torque by a part of the period in which it is computed.
 
     .. pydrake_system::
 
@@ -33,16 +33,16 @@ class ComputationDelay(LeafSystem):
         output_ports:
         - torque
 
-    The torque of a tick takes effect ``delay`` later, give or take the jitter. Who reads the
-    output holds it for a step: within the step in which the torque changes it is the mean of both,
-    so that the impulse is exact.
+    The torque of a tick takes effect ``delay`` later, plus or minus the jitter. The plant holds
+    the output for a step. In the step in which the torque changes, the output is the mean of both
+    torques, so that the impulse is exact.
 
     ``command`` and ``torque``, shape (n,); ``jitter``, size 1, a sample from 0 to 1, new each
     period (Drake's uniform ``RandomSource``), read only if there is jitter. Discrete state: the
     command of the period before, shape (n,).
 
-    ``delay`` is from 0 to a period, s; ``jitter``, s, the half-width of what is uniformly
-    distributed about it; a torque is held for ``step``, s, a whole part of the period.
+    ``delay`` is from 0 to a period, s. ``jitter``, s, is the half-width of a uniform distribution
+    about it. A torque is held for ``step``, s, a whole part of the period.
 
     Raises:
         ParameterError: If a torque would be early, or later than a period.

@@ -14,7 +14,7 @@ Noise = tuple[RandomDistribution | None, tuple[int, int]]  # None: zeros; ticks 
 def drawn_noise(
     *noises: Noise, seed: int, after: System | None = None
 ) -> list[NDArray[np.float64]]:
-    """Return what sources show before each of their ticks, of shape (ticks, channels) each.
+    """Return the sources' outputs before each of their ticks, shape (ticks, channels) each.
 
     A source that draws all its samples in one tick draws the same ones. Drake hands one generator
     from block to block, in which each source draws a seed of its own: what comes before them, the

@@ -1,4 +1,4 @@
-"""Joint encoders: counts, the velocity that a computer makes of them, homing, and the endpoint."""
+"""Joint encoders: counts, the velocity that a computer derives, homing, and the endpoint."""
 
 import math
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class EncoderParams:
             raise ParameterError("bandwidth", self.bandwidth, "more than 0 Hz, to track")
 
     def quanta(self, n: int) -> Array:
-        """Return what a count is at n joints, rad or m; 0 where positions are exact."""
+        """Return the size of a count at n joints, rad or m; 0 where positions are exact."""
         counts = known("counts", self.counts)
         if isinstance(counts, tuple) and len(counts) != n:
             raise ParameterError("counts", counts, f"{n} numbers, or one for all")
@@ -58,7 +58,7 @@ class EncoderParams:
 
     @property
     def exact(self) -> bool:
-        """Whether they show what is."""
+        """Whether positions and velocities are exact."""
         counts: Any = known("counts", self.counts)
         return self.velocity == "exact" and not np.any(counts)
 
@@ -81,7 +81,7 @@ def encoder_code(params: EncoderParams, n: int, *, period: float) -> EncoderCode
 
 @compiled
 def counted(quanta: Array, q: Array) -> Array:
-    """Return joint positions as they are counted."""
+    """Return joint positions rounded to counts."""
     result = q.copy()
     for j in range(len(q)):
         if quanta[j] > 0.0:
@@ -93,7 +93,7 @@ def counted(quanta: Array, q: Array) -> Array:
 def read_encoders(
     code: EncoderCode, q: Array, v: Array, before: Array, tracked: Array, velocity: Array
 ) -> tuple[Array, Array, Array]:
-    """Return position, filtered position and velocity of this tick, of those of the last one.
+    """Return position, filtered position and velocity at this tick from those of the last one.
 
     Shape (n,) each; see :class:`Encoders`.
     """
@@ -110,7 +110,7 @@ def read_encoders(
 
 
 class Encoders(LeafSystem):
-    """Joint positions in whole counts, and velocities that are made of them.
+    """Measures joint positions in whole counts, and derives velocities from them.
 
     .. pydrake_system::
 
@@ -120,19 +120,20 @@ class Encoders(LeafSystem):
         output_ports:
         - encoders
 
-    A position is rounded to the next count. A ``differenced`` velocity is the last period's mean,
-    half a period old, in steps of a count by the period; ``tracked`` is that of a second-order
-    tracking filter (alpha-beta, both poles at the same place), which follows a constant velocity
-    without error: with poles p = exp(-2 pi bandwidth T) its gains are 1 - p^2 and (1 - p)^2.
+    A position is rounded to the nearest count. A ``differenced`` velocity is the mean over the
+    last period, half a period old, in steps of a count per period. A ``tracked`` velocity comes
+    from a second-order tracking filter (alpha-beta, two equal poles), which follows a constant
+    velocity without error. With poles p = exp(-2 pi bandwidth T) its gains are 1 - p^2 and
+    (1 - p)^2.
 
     ``motion`` and ``encoders``, shape (2n,): positions (rad or m), then velocities. The output
-    belongs to the tick that reads it; the period, s, is the computer's.
+    is that of the tick that reads it; the period, s, is the computer's.
 
     Discrete states: position of the tick before, filtered position and velocity, shape (n,) each,
     at first at rest at ``q``.
 
     Raises:
-        ParameterError: If parameters are open, or for another number of joints.
+        ParameterError: If parameters are open, or their number of joints differs.
     """
 
     def __init__(self, params: EncoderParams, q: Array, *, period: float) -> None:
@@ -164,7 +165,7 @@ class Encoders(LeafSystem):
 
 
 def linear_encoders(params: EncoderParams, n: int, *, period: float, beside: int) -> Sampled:
-    """Return :class:`Encoders` as fine as can be, and ``beside`` signals that pass unchanged.
+    """Return exact :class:`Encoders`, and ``beside`` signals that pass unchanged.
 
     Input and output: n joint positions, then velocities, and what passes beside the encoders.
     States: position before and velocity, or position and velocity of the tracking filter, shape
@@ -195,11 +196,11 @@ class HomingParams:
     """Parameters of :class:`Homing`."""
 
     zero_error: tuple[float, ...] = ()
-    # rad or m, of each joint: what its encoder reads too much when it is switched on; empty: 0
+    # rad or m, of each joint: error of its encoder when it is switched on; empty: 0
     mark_distance: tuple[float, ...] = ()
-    # rad or m, of each joint: from where it is switched on to its index mark; empty or 0: the zero
-    # is known
-    settle: float = 0.5  # s, in which a zero that was found is taken over; assumed
+    # rad or m, of each joint: from its position at switch-on to its index mark; empty or 0: the
+    # zero is known
+    settle: float = 0.5  # s, over which a new zero is taken over; assumed
 
     def __post_init__(self) -> None:
         require_positive(self, "settle")
@@ -231,15 +232,15 @@ class Homing(LeafSystem):
         - encoders
         - homed
 
-    Behind its mark a joint's zero is known to a count. It is taken over gradually, so that an arm
-    under position control follows smoothly to where it is meant to be; velocities are differences
-    of counts, and never wrong.
+    Behind its mark a joint's zero is known to a count. The block takes it over gradually, so that
+    an arm under position control follows smoothly to its correct position. Velocities are
+    differences of counts, and always correct.
 
-    ``motion``, shape (2n,), joint positions (rad or m) from the true zero, then velocities, as
-    encoders with a known zero give them; ``encoders``, shape (2n,), as they are shown; ``homed``,
-    size 1, 1 once all zeros are known and taken over.
+    ``motion``, shape (2n,), joint positions (rad or m) from the true zero, then velocities, of
+    encoders with a known zero. ``encoders``, shape (2n,), is the reading; ``homed``, size 1, is 1
+    once all zeros are known and taken over.
 
-    Discrete states: side of the mark on which a joint was, and time since its mark was passed, s,
+    Discrete states: side of the mark on which a joint was, and time since it passed the mark, s,
     -1 before, shape (n,) each. It starts at ``q``, shape (n,).
 
     Raises:
@@ -256,7 +257,7 @@ class Homing(LeafSystem):
         since = self.DeclareDiscreteState(np.where(distance == 0, params.settle, -1.0))
 
         def left(context: Context) -> Array:
-            """Return how much of each joint's error is still shown, 1 to 0."""
+            """Return the remaining share of each joint's error, 1 to 0."""
             u = np.clip(context.get_discrete_state(since).value() / params.settle, 0.0, 1.0)
             share: Array = 1 - u**3 * (10 - 15 * u + 6 * u**2)
             return share
@@ -282,7 +283,7 @@ class Homing(LeafSystem):
 
 
 class EndpointMotion(LeafSystem):
-    """Turns joint positions and velocities into the endpoint's.
+    """Computes the endpoint's motion from joint positions and velocities.
 
     .. pydrake_system::
 
@@ -293,10 +294,10 @@ class EndpointMotion(LeafSystem):
         - endpoint_motion
         - nominal_motion
 
-    The endpoint is where a gripper's tip would be if it were relaxed, the nominal one of chapter
-    4. ``encoders``, shape (2n,), q and velocity. ``endpoint_motion``, shape (2m,), the endpoint
-    vector x, m (rad), then ``J v``; ``nominal_motion``, shape (2d,), the same of its d first
-    coordinates, with d the ``dimension`` of the plane or of space.
+    The endpoint is the tip of a relaxed gripper, the nominal endpoint of chapter 4. ``encoders``,
+    shape (2n,), is q and velocity. ``endpoint_motion``, shape (2m,), is the endpoint vector x,
+    m (rad), then ``J v``. ``nominal_motion``, shape (2d,), has the same for its first d
+    coordinates; d is the ``dimension`` of the plane or of space.
     """
 
     def __init__(self, arm: Kinematics, *, dimension: int) -> None:

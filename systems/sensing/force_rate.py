@@ -1,4 +1,4 @@
-"""A force and its rate, measured, filtered and differenced, and averaged."""
+"""Sensors of a force and its rate: measured, filtered, differenced and averaged."""
 
 import math
 from dataclasses import dataclass
@@ -101,7 +101,7 @@ class ForceRateParams:
         require_positive(self, "time_constant")
 
     def share(self, period: float) -> float:
-        """Return the part of a step of the force that the filter takes up in a period, s."""
+        """Return the filter's response to a step of the force after one period, s."""
         return 1 - math.exp(-period / self.time_constant)
 
     def noise_gain(self, period: float) -> float:
@@ -111,7 +111,7 @@ class ForceRateParams:
 
 
 class ForceRate(LeafSystem):
-    """Differences a force that a first-order filter has smoothed.
+    """Differentiates a force numerically after a first-order filter.
 
     .. pydrake_system::
 
@@ -122,7 +122,7 @@ class ForceRate(LeafSystem):
         - measured_force_rate
 
     With the filtered force ``f <- f + a (F - f)`` and the period T the rate is ``a (F - f) / T``,
-    of the sample that the inputs show.
+    of the sample at the inputs.
 
     ``measured_force``, shape (d,), N; ``measured_force_rate``, shape (d,), N/s. The period is in
     s.
@@ -157,7 +157,7 @@ class ForceRate(LeafSystem):
 
 
 class MovingAverage(LeafSystem):
-    """Means the last samples of a signal, the present one included.
+    """Averages the last samples of a signal, the present one included.
 
     .. pydrake_system::
 
@@ -167,13 +167,13 @@ class MovingAverage(LeafSystem):
         output_ports:
         - mean
 
-    Of n samples with white noise the mean has the n-th part of its variance, and is late by
-    (n - 1) / 2 periods. Before n samples it is the mean of those that there were.
+    With white noise the mean of n samples has the n-th part of the variance, and a delay of
+    (n - 1) / 2 periods. Before n samples it is the mean of the samples so far.
 
     ``signal`` and ``mean``, shape (size,), in the signal's unit; the period is in s.
 
-    Discrete state: the last n - 1 samples, the newest first, shape ((n - 1) * size,), and how many
-    of them there were, size 1.
+    Discrete state: the last n - 1 samples, the newest first, shape ((n - 1) * size,), and their
+    number so far, size 1.
 
     Raises:
         ParameterError: If one of them is not positive; while running, if the signal is not finite.

@@ -1,4 +1,4 @@
-"""Force sensors: gauges, filter and converter, what is made of their readings, and their zero."""
+"""Force sensors: gauges, filter, converter, decoupled readings, and tare."""
 
 import math
 from dataclasses import dataclass
@@ -31,21 +31,21 @@ _MOST_HELD = 1000  # steps of the plant for which a reading may be late
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelParams:
-    """What lies between a force and the number that the computer reads; 0: nothing does.
+    """Imperfections between a force and the number that the computer reads; 0: none.
 
     None: derived from ``sensing``.
     """
 
     noise: float | None = None  # N, half-width of a uniform noise, new each period
     bias: float | tuple[float, ...] | None = None
-    # N, of every channel at the start; or of each one, N and N m
+    # N, at the start, one for every channel; or one for each, N and N m
     drift: float | None = None  # N/s^0.5, of the bias, a random walk
     bandwidth: float | None = None  # Hz, of the first-order filter before the converter
     delay: float | None = None  # s, of the reading behind the filter
     resolution: float | None = None  # N, of the converter
     full_scale: float | None = None  # N, larger readings saturate
     tare: float | None = None
-    # s, at the start, in which it reads 0; what it would have read on average is taken off later
+    # s, at the start, in which it reads 0; their mean is subtracted later
 
     def __post_init__(self) -> None:
         given = [name for name in ChannelParams.__dataclass_fields__ if name != "bias"]
@@ -58,12 +58,12 @@ class ChannelParams:
 
     @property
     def rest_noise(self) -> float:
-        """Half-width of what a channel reads without a force, N."""
+        """Half-width of a channel's reading without a force, N."""
         return known("noise", self.noise) + known("resolution", self.resolution) / 2
 
     @property
     def rest_bias(self) -> float:
-        """The most that a channel reads without a force on average, before it drifts, N."""
+        """Largest mean reading of a channel without a force, before it drifts, N."""
         return 0.0 if known("tare", self.tare) else float(np.abs(self.channel_bias(1)).max())
 
     def channel_bias(self, scale: Array | float) -> Array:
@@ -109,7 +109,7 @@ class ForceSensorParams(ChannelParams):
 
     @property
     def coupling(self) -> Array:
-        """What the channels read of force and moment, shape (3, 3) or (6, 6)."""
+        """Matrix from force and moment to the channels' readings, shape (3, 3) or (6, 6)."""
         if isinstance(self.cross_talk, tuple):
             return np.array(self.cross_talk, dtype=np.float64)
         given = known("cross_talk", self.cross_talk)
@@ -118,7 +118,7 @@ class ForceSensorParams(ChannelParams):
 
     @property
     def undoing(self) -> Array:
-        """What the reading is multiplied by for the force, shape (3, 3) or (3, 6)."""
+        """Matrix from the reading to the force, shape (3, 3) or (3, 6)."""
         coupling = self.coupling
         if not self.decoupling:
             return np.eye(3, len(coupling))
@@ -162,7 +162,7 @@ class BaseSensorParams(ChannelParams):
 
 
 class Gauges(NamedTuple):
-    """How k channels feel a force on the tip, or another load of s entries."""
+    """Response of k channels to a force on the tip, or to another load of s entries."""
 
     pick_up: Array  # (k, s), from the arm's force on the surface in the endpoint's frame, N
     scale: Array  # (k,), of a channel's noise, bias, ...: 1 of a force, m of a moment
@@ -184,7 +184,7 @@ def gauges(
 
 
 def _cross(lever: Array) -> Array:
-    """Return what makes of a force its moment, shape (3, 3), of a lever, m."""
+    """Return the matrix from a force to its moment for a lever, m, shape (3, 3)."""
     x, y, z = lever.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -195,7 +195,7 @@ def _scale(radius: float) -> Array:
 
 
 def base_gauges(params: BaseSensorParams) -> Gauges:
-    """Return the gauges of a sensor under the base; what they feel is the base's wrench."""
+    """Return the gauges of a sensor under the base; their load is the base's wrench."""
     return Gauges(-np.eye(6), _scale(params.radius)[::-1])
 
 
@@ -245,7 +245,7 @@ def sensor_code(
 
 @compiled
 def filtered(code: SensorCode, force: Array, line: Array) -> Array:
-    """Return what leaves the filter now and what left it before, newest first, ((rows + 1) k,)."""
+    """Return the filter's outputs, the present and earlier ones, newest first, ((rows + 1) k,)."""
     k = len(code.bias)
     result = np.zeros(k + len(line))
     add_product(code.pick_up, force, result[:k])
@@ -258,7 +258,7 @@ def filtered(code: SensorCode, force: Array, line: Array) -> Array:
 
 @compiled
 def converted(code: SensorCode, force: Array, line: Array, walk: Array, noise: Array) -> Array:
-    """Return what the converter gives, before the tare, shape (k,); raw where it is not finite."""
+    """Return the converter's output before the tare, shape (k,); raw where not finite."""
     k = len(code.bias)
     passed, reading, sound = filtered(code, force, line), np.empty(k), True
     for i in range(k):
@@ -279,7 +279,7 @@ def converted(code: SensorCode, force: Array, line: Array, walk: Array, noise: A
 
 
 class ForceSensor(LeafSystem):
-    """A force sensor with k channels, up to the numbers that the computer reads.
+    """Measures a force with k channels, up to the numbers that the computer reads.
 
     .. pydrake_system::
 
@@ -294,18 +294,19 @@ class ForceSensor(LeafSystem):
     In this order: gauges with their cross-talk, a first-order low-pass, a delay, bias with its
     drift and noise, saturation, quantisation and the tare.
 
-    ``tool_force``, shape (3,), N, of the surface on the arm in the endpoint's frame, or what else
-    the gauges feel (:func:`base_gauges`: shape (6,), moment and force of the base on the arm);
-    ``noise``, shape (k,), samples from 0 to 1, and ``drift``, shape (k,), of the standard normal
-    distribution, both new each period (Drake's ``RandomSource``) and read only if they matter.
-    ``reading``, shape (k,), N (N m), of the arm on the surface: the opposite sign; with
-    :func:`base_gauges` the sign is kept. It follows the inputs at once where neither filter nor
-    delay is in between.
+    * ``tool_force``, shape (3,), N, is of the surface on the arm in the endpoint's frame, or
+      another load of the gauges. With :func:`base_gauges` it is moment and force of the base on
+      the arm, shape (6,).
+    * ``noise``, shape (k,), has samples from 0 to 1; ``drift``, shape (k,), has standard normal
+      samples. Both are new each period (Drake's ``RandomSource``), and read only if they matter.
+    * ``reading``, shape (k,), N (N m), is of the arm on the surface: the opposite sign. With
+      :func:`base_gauges` the sign is kept. Without filter and delay the output follows the inputs
+      directly.
 
-    Discrete states: what left the filter, newest first, the drift, and the tare with its count.
-    ``step``, s, in which the force changes, is the filter's; the period, s, is the computer's.
-    With ``ahead`` the filter steps before discrete updates of the same instant, as plants with
-    sampled outputs do: afterwards they show the force of the next instant.
+    Discrete states: the filter's outputs, newest first, the drift, and the tare with its count.
+    The filter runs at ``step``, s, in which the force changes; the period, s, is the computer's.
+    With ``ahead`` the filter steps before discrete updates of the same instant, because plants
+    with sampled outputs show the force of the next instant after their update.
 
     Raises:
         ParameterError: If parameters are open, or the delay is more than 1000 steps; in a run, if
@@ -345,13 +346,13 @@ class ForceSensor(LeafSystem):
         self.DeclareVectorOutputPort("reading", k, self._calc, depends)
 
     def _felt(self, context: Context) -> tuple[Array, Array]:
-        """Return what the gauges feel, and what left the filter before."""
+        """Return the gauges' signal, and the filter's earlier outputs."""
         # Copies, because compiled code tells views of a Context from arrays.
         line = context.get_discrete_state(self._line).value().copy()
         return self._force.Eval(context).copy(), line
 
     def _converted(self, context: Context) -> Array:
-        """Return what the converter gives, before the tare."""
+        """Return the converter's output before the tare."""
         walk = context.get_discrete_state(self._walk).value().copy()
         noise = self._noise.Eval(context).copy() if self._code.noise.any() else walk
         reading = converted(self._code, *self._felt(context), walk, noise)
@@ -409,25 +410,25 @@ class WrenchSensorParams(ChannelParams):
 
     @property
     def coupling(self) -> Array:
-        """What the channels read of forces and moments at the sensor's origin, shape (6, 6)."""
+        """Matrix from forces and moments at the sensor's origin to the readings, shape (6, 6)."""
         return np.array(known("cross_talk", self.cross_talk), dtype=np.float64)
 
     @property
     def _moved(self) -> Array:
-        """Forces and moments at the sensor's origin of those at the tip, shape (6, 6)."""
+        """Matrix from the wrench at the tip to that at the sensor's origin, shape (6, 6)."""
         moved = np.eye(6)
         moved[3:, :3] = -_cross(np.array(known("origin", self.origin)))
         return moved
 
     @property
     def gauges(self) -> Gauges:
-        """How the channels feel the wrench on the tool at its tip, N m above N."""
+        """Response of the channels to the wrench on the tool at its tip, N m above N."""
         # The sensor block reads what the arm does to the surface, the opposite.
         return Gauges(-self.coupling @ self._moved @ _SWAP, _scale(self.radius))
 
     @property
     def undoing(self) -> Array:
-        """What the reading is multiplied by for the wrench on the tool's tip, shape (6, 6)."""
+        """Matrix from the reading to the wrench on the tool's tip, shape (6, 6)."""
         undone = np.linalg.inv(self.coupling) if self.decoupling else np.eye(6)
         matrix: Array = np.asarray(_SWAP.T @ np.linalg.inv(self._moved) @ undone, dtype=np.float64)
         return matrix
@@ -435,7 +436,7 @@ class WrenchSensorParams(ChannelParams):
 
 @compiled
 def force_in_world(chain: Chain, undoing: Array, reading: Array, q: Array, size: int) -> Array:
-    """Return a wrist sensor's reading, decoupled and turned; see :class:`ForceInWorld`."""
+    """Return a wrist sensor's reading, decoupled and rotated; see :class:`ForceInWorld`."""
     turn, undone, force = pose(chain, q).R_WE, np.zeros(3), np.zeros(size)
     add_product(undoing, reading, undone)
     add_product(turn[:size], undone, force[:3])
@@ -443,7 +444,7 @@ def force_in_world(chain: Chain, undoing: Array, reading: Array, q: Array, size:
 
 
 class ForceInWorld(LeafSystem):
-    """Decouples a wrist sensor's reading and turns it into the world's axes (section 3.3).
+    """Decouples a wrist sensor's reading and expresses it in the world's axes (section 3.3).
 
     .. pydrake_system::
 
@@ -454,12 +455,12 @@ class ForceInWorld(LeafSystem):
         output_ports:
         - measured_force
 
-    ``measured = R(q) D reading``, with what undoes the cross-talk, D, and the endpoint's
-    orientation R at the joint positions that the encoders show.
+    ``measured = R(q) D reading``, with the decoupling matrix D, and the endpoint's orientation R
+    at the encoders' joint positions.
 
-    ``reading``, shape (k,), N (N m), in the endpoint's axes; ``encoders``, shape (2n,), q and
-    velocity, of which q is used. ``measured_force``, shape (m,), N, of as many ``coordinates`` as
-    the endpoint vector; angular ones read 0. D is ``undoing``, shape (3, k).
+    ``reading``, shape (k,), N (N m), is in the endpoint's axes; ``encoders``, shape (2n,), is q
+    and velocity, of which only q is used. ``measured_force``, shape (m,), N, has as many
+    ``coordinates`` as the endpoint vector; angular ones read 0. D is ``undoing``, shape (3, k).
     """
 
     def __init__(self, dynamics: ArmDynamics, undoing: Array, *, coordinates: int) -> None:
@@ -479,7 +480,7 @@ class ForceInWorld(LeafSystem):
 
 
 class Tare(LawBlock[TareLaw]):
-    """Takes off what the sensor read, on average, while it was told to take its zero.
+    """Subtracts the mean reading of the last tare.
 
     .. pydrake_system::
 
@@ -491,16 +492,16 @@ class Tare(LawBlock[TareLaw]):
         - tared_force
         - spread
 
-    So a bias goes, and with a nugget in the gripper its weight. What drifts or turns with the
-    sensor afterwards does not.
+    This removes a bias, and the weight of a nugget in the gripper. It does not remove later drift,
+    or effects that turn with the sensor.
 
-    ``force``, shape (size,), N, or N m above N, a reading a ``period``, s; ``tare``, size 1: 1
-    while the zero is taken. ``tared_force``, likewise: zero meanwhile, and what is read less the
-    last mean before and afterwards. ``spread``, likewise: the standard deviation of one of the
-    readings of which the last mean is, 0 before there are two.
+    ``force``, shape (size,), N, or N m above N, has one reading each ``period``, s; ``tare``, size
+    1, is 1 while the zero is taken. ``tared_force``, likewise, is zero meanwhile, else the reading
+    minus the last mean. ``spread``, likewise, is the standard deviation of one reading in the last
+    mean, 0 before there are two.
 
     Discrete states: the mean and the sum of squared deviations from it, shape (size,) each, and
-    of how many readings they are, size 2: of the zero that is being taken, and of the last one.
+    the numbers of readings, size 2. The numbers are of the present tare and of the last one.
 
     Raises:
         ParameterError: If the period is not positive; while running, if the force is not finite.

@@ -1,4 +1,4 @@
-"""The zero of a force sensor, and how much its readings scatter about it."""
+"""The zero of a force sensor, and the scatter of its readings."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from chamfer.systems.law import Array, Law, Signal
 
 
 class TareState(NamedTuple):
-    """What one reading hands to the next."""
+    """Memory from one reading to the next."""
 
     mean: Array  # N, or N m above N, shape (size,)
     squares: Array  # sum of squared deviations from it, shape (size,)
@@ -16,14 +16,14 @@ class TareState(NamedTuple):
 
 
 class TareObservation(NamedTuple):
-    """What the law reads."""
+    """Inputs of the law."""
 
     force: Array
     tare: Array
 
 
 class TareCommand(NamedTuple):
-    """What the law gives, shape (size,) each."""
+    """Outputs of the law, shape (size,) each."""
 
     tared_force: Array
     spread: Array
@@ -49,7 +49,7 @@ class TareLaw(Law[TareState, TareObservation, TareCommand]):
     def step(
         self, state: TareState, observation: TareObservation, time: float
     ) -> tuple[TareState, TareCommand]:
-        """Return the state after a reading, and what it is without the last zero."""
+        """Return the state after a reading, and the reading minus the last zero."""
         force, tare = observation
         running, last = state.counts.tolist()
         spread = np.sqrt(state.squares / max(last - 1, 1))
