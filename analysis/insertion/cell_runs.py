@@ -318,7 +318,7 @@ def ending(done: CellInsertion, scenario: ResolvedInsertionScenario) -> str:
     metrics = insertion_metrics(done, scenario)
     depth = f"{1e3 * float(done.traces['depth'][-1]):.1f} mm deep"
     if done.state == "seated":
-        return f"seated, {depth}" if metrics["seated"] else f"said to be seated, but {depth}"
+        return f"seated, {depth}" if metrics["seated"] else f"reported as seated, but {depth}"
     trouble = WORDS[int(done.traces["trouble"][-1])]
     if done.state == "gave_up":
         attempts = int(done.traces["attempts"][-1])

@@ -215,7 +215,7 @@ def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     metrics = {
         **rate("success_rate", int(seated.sum()), n, f"seated, of {n} trials{why}"),
         **rate("first_attempt", int(first.sum()), n, "seated with the first attempt"),
-        **metrics_of({"said_wrongly": (wrong, "", f"of {n} trials: said to be seated, and not")}),
+        **metrics_of({"said_wrongly": (wrong, "", f"of {n} trials: a false done")}),
         **rate("force.soft", soft, n, f"contact force below {_HARD:g} N, medians of 10 ms"),
     }
     for name in ("force.axial", "force.lateral", "force.contact", "force.raw_peak", "force.peak"):

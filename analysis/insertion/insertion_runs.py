@@ -171,7 +171,7 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
     cap = f"at a cap of {scenario.force_cap:g} N"
     seated = is_seated(scenario, run)
     enough = f"1: at least {100 * SEATED:g} % of the commanded depth, or on the bottom"
-    pulled, left = "that pulls it out", "of mouth's and tip's forces, without the push"
+    pulled, left = "that pulls it out", "of the forces at mouth and tip, left without the push"
     if seated:
         pulled = left = "it is in"
     held, pull, kept = (False, math.nan, math.nan) if seated else _taken_away(scenario, run)
@@ -189,7 +189,7 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
             "wedged": (
                 float(stopped and held),
                 "",
-                f"1: stopped {cap}, and held when the push is taken away",
+                f"1: stopped {cap}, and held when the push is removed",
             ),
             "jammed": (float(stopped and not held), "", f"1: stopped {cap}, free without it"),
             "missed": (float(not seated and not stopped), "", "1: beside the mouth"),
