@@ -49,20 +49,20 @@ class DrawnDesignsScenario:
     the root of the stiffness. All cameras have the default field of view.
     """
 
-    designs: int = 20  # that are drawn
+    designs: int = 20  # number of random designs
     trials: int = 4  # simulated insertions of each
-    draws: int = 200  # of errors, for each prediction
+    draws: int = 200  # random cells, for each prediction
     radius: Range = (0.0015, 0.015)  # m, of the hole, evenly in its logarithm
     clearance: Range = (0.005, 0.05)  # radial, over the hole's radius, likewise
     friction: Range = (0.1, 0.6)  # between peg and hole, evenly
     stiffness: Range = (100.0, 5000.0)  # N/m, of the arms, evenly in its logarithm
     width: Range = (160.0, 1280.0)  # pixels, of the cameras, likewise
-    peg: CellArmSettings = PEG_ARM  # the arm with the peg, of all designs
-    hole: Literal["arm", "fixture", "either"] = "either"  # what holds the hole
+    peg: CellArmSettings = PEG_ARM  # the peg's arm, of all designs
+    hole: Literal["arm", "fixture", "either"] = "either"  # support of the hole
     controller: Literal["fsm", "pid", "either"] = "either"  # of the compensation
     section: Literal["round", "square", "either"] = "either"  # of the parts
     unchamfered: float = 0.1  # share of the designs without chamfers on the peg
-    duration: float = 30.0  # s, that an insertion may last
+    duration: float = 30.0  # s, limit of an insertion
 
     def __post_init__(self) -> None:
         for name, least in (("designs", 1), ("trials", 1), ("draws", FEWEST)):

@@ -26,7 +26,7 @@ class DesignSpread(Spread):
     """The variation between the cells of a design: uniform within plus and minus each range."""
 
     cameras: float = 0.0
-    # share of the errors that cameras may well have uncalibrated; 0: they are as believed
+    # share of the plausible errors of uncalibrated cameras; 0: the cameras are as believed
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -40,9 +40,9 @@ class DesignScenario(InsertionScenario):
 
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
     spread: DesignSpread = field(default_factory=DesignSpread)
-    draws: int = 200  # of the errors, for the share that goes in
+    draws: int = 200  # random cells, for the share that goes in
     pictures: int = 4
-    # with noise, in which the parts are sought: at the gap, at two starts, at 15 places of the way
+    # with noise, to find the parts: at the gap, at two starts, at 15 places of the way
 
     WHOLE: ClassVar[Mapping[str, Cells]] = {"cell": CELLS}
 
