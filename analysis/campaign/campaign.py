@@ -1,4 +1,4 @@
-"""Runs the trials of all experiments: none that has finished is lost, none that fails ends it."""
+"""Runs the trials of all experiments: finished ones are kept, a failed one ends no others."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,18 +27,18 @@ Group = TypeVar("Group")
 
 @dataclass(frozen=True, kw_only=True)
 class Trials(Generic[Task]):
-    """The trials that have finished, in the order of their tasks, and those that have failed."""
+    """The finished trials, in the order of their tasks, and the failed ones."""
 
     tasks: tuple[Task, ...]
     rows: tuple[Row, ...]
     failed: tuple[tuple[Task, Failure], ...] = ()
 
     def __len__(self) -> int:
-        """Return how many have finished."""
+        """Return the number of finished trials."""
         return len(self.rows)
 
     def select(self, keep: Callable[[Task], bool]) -> "Trials[Task]":
-        """Return the trials whose task is to be kept."""
+        """Return the trials with selected tasks."""
         kept = [i for i, task in enumerate(self.tasks) if keep(task)]
         return Trials(
             tasks=tuple(self.tasks[i] for i in kept),
@@ -115,16 +115,16 @@ def try_each(
     failed; the others go on.
 
     Args:
-        function: At a module's top level, or a partial of one. It and its tasks are made of what
-            :func:`chamfer.analysis.report.fingerprint.canonical` takes.
-        tasks: What it is called with.
-        progress: Told how many are done.
+        function: At a module's top level, or a partial of one. It and its tasks consist of types
+            that :func:`chamfer.analysis.report.fingerprint.canonical` accepts.
+        tasks: Its arguments, one per call.
+        progress: Receives the number of finished tasks.
     """
     return _runner.get()(function, tasks, progress)
 
 
 class TrialsWantedError(BaseException):
-    """An experiment can't go on before trials have run; it is to be begun anew when they have."""
+    """An experiment needs trials before it can go on; start it again when they have run."""
 
     def __init__(self, function: Callable[[Any], Row], tasks: Sequence[Any]) -> None:
         super().__init__(function, tasks)
@@ -134,9 +134,9 @@ class TrialsWantedError(BaseException):
 
 @dataclass(kw_only=True)
 class Campaign:
-    """The trials of an experiment: what has finished is on disk and is not done twice."""
+    """The trials of an experiment: finished ones are on disk and do not run twice."""
 
-    path: Path | None  # the file for finished trials, None to forget them in the end
+    path: Path | None  # the file for finished trials, None to delete them at the end
     processors: tuple[str, ...]  # the types of processors that trials run on
     # Where they run; None: they are wanted of whoever has one, by a TrialsWantedError.
     engine: Engine | None = None
@@ -175,10 +175,10 @@ class Campaign:
         return _trials(tasks, listed)
 
     def supply(self, wanted: TrialsWantedError, progress: Progress) -> None:
-        """Run the trials that an experiment wants, for it to find them.
+        """Run the trials that an experiment requests, so that it finds them.
 
         Raises:
-            ExperimentError: If there are none to run: it would want them for ever.
+            ExperimentError: If there are none to run: it would request them indefinitely.
         """
         keys = self._keys(wanted.function, wanted.tasks)
         _, missing = self._look_up(keys, wanted.tasks)
@@ -187,12 +187,12 @@ class Campaign:
         self._compute(wanted.function, wanted.tasks, missing, progress)
 
     def finish(self) -> None:
-        """Forget the trials of other scenarios and of other code: the file is this result's."""
+        """Delete the trials of other scenarios and of other code: the file is this result's."""
         if self._store is not None:
             self._store.keep(self._asked)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._store is not None:
             self._store.close()
             self._store = None
@@ -204,7 +204,7 @@ class Campaign:
     def _look_up(
         self, keys: Sequence[bytes], tasks: Sequence[Task]
     ) -> tuple[dict[bytes, bytes | Failure], dict[bytes, Task]]:
-        """Return what has become of trials, and those that are still to be run, by key."""
+        """Return the outcomes of trials, and those that are still to be run, by key."""
         outcomes: dict[bytes, bytes | Failure] = {**self._open().rows(keys), **self.failures}
         missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in outcomes}
         return outcomes, missing
@@ -241,7 +241,7 @@ class Campaign:
 
 @contextmanager
 def running(runner: Runner) -> Iterator[None]:
-    """Let the block's trials be run by something else than one after the other here."""
+    """Run the block's trials with another engine than one after the other here."""
     token = _runner.set(runner)
     try:
         yield
@@ -251,9 +251,10 @@ def running(runner: Runner) -> Iterator[None]:
 
 @contextmanager
 def parallel(workers: int) -> Iterator[None]:
-    """Let the block's trials use so many processes; nothing of them stays on disk.
+    """Run the block's trials in so many processes; none of their results stays on disk.
 
-    For more than one a script's main module must allow to be imported by them; one is this one.
+    For more than one process, a script's main module must allow its import by them; one is this
+    one.
     """
     if workers == 1:
         yield

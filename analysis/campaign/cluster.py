@@ -28,9 +28,9 @@ class Cluster:
     """An engine of the workers of a Dask scheduler.
 
     Args:
-        address: The scheduler's, such as ``tcp://scheduler:8786``, or ``local``: one is started
-            on this machine, for the run.
-        count: How many workers one on this machine gets.
+        address: The scheduler's, such as ``tcp://scheduler:8786``, or ``local``, which starts one
+            on this machine for the run.
+        count: Number of workers of a local one.
 
     Raises:
         UserError: If there is no scheduler, or it has no workers with this project.
@@ -61,7 +61,7 @@ class Cluster:
             say(f"the workers' processors differ, and so may the last digits: {listed}")
 
     def capacity(self) -> int:
-        """Return how many workers there are, each of which runs one call at a time."""
+        """Return the number of workers, each of which runs one call at a time."""
         then, count = self._counted
         if time.monotonic() > then + _COUNTED:
             count = max(1, len(self._client.nthreads()))
@@ -71,7 +71,7 @@ class Cluster:
     def submit(
         self, function: Callable[..., Result], *arguments: object, limit: float | None = None
     ) -> Future[Result]:
-        """Have a function called by a worker, as ``Engine`` of the workers."""
+        """Call a function on a worker, as ``Engine`` of the workers."""
         call = pickle.dumps((function, arguments))
         there = self._client.submit(_answer, call, limit, pure=False)
         future: Future[Result] = Future()
@@ -79,7 +79,7 @@ class Cluster:
         return future
 
     def close(self) -> None:
-        """Let go of the cluster, and end the one on this machine."""
+        """Disconnect from the cluster, and end a local one."""
         if not self._closed:
             self._closed = True
             self._client.close()
@@ -106,7 +106,7 @@ class Cluster:
 
 @contextmanager
 def engines(workers: int, cluster: str | None) -> Iterator[tuple[Engine, Engine]]:
-    """Give where experiments run and where their trials do, until the block ends.
+    """Provide the engines of experiments and of their trials until the block ends.
 
     Experiments run in processes on this machine, and so do trials without a cluster's address.
 

@@ -1,4 +1,4 @@
-"""Libraries that compute use one thread, so that any process computes the same bytes."""
+"""Numerical libraries use one thread, so that any process computes the same bytes."""
 
 import os
 from typing import Final
@@ -16,5 +16,5 @@ _VARIABLES: Final = (
 
 
 def use_one_thread() -> None:
-    """Say so to libraries that are loaded from now on, here and in processes started from here."""
+    """Set one thread for libraries that load later, here and in processes started from here."""
     os.environ.update(dict.fromkeys(_VARIABLES, "1"))

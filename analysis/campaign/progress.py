@@ -1,4 +1,4 @@
-"""Tells someone who waits at a terminal how far a run is."""
+"""Show the progress of a run at a terminal."""
 
 import math
 import os
@@ -18,10 +18,10 @@ _COLUMNS: Final = 80  # of a terminal that doesn't say, or says 0
 
 @dataclass
 class TerminalProgress:
-    """One line that is kept up to date while the block runs, and wiped at its end.
+    """One line that is kept up to date while the block runs, and wiped afterwards.
 
-    Nothing is written during the first second, or if the stream is not a terminal. A thread of
-    its own writes, so that the time goes on through a step that reports nothing, and a report
+    Nothing is written during the first second, or if the stream is not a terminal. A separate
+    thread writes, so that the time goes on through a step that reports nothing, and a report
     costs the run two assignments.
     """
 
@@ -40,7 +40,7 @@ class TerminalProgress:
         self._thread = threading.Thread(target=self._draw, daemon=True)
 
     def __enter__(self) -> Self:
-        """Start to write, if someone is there to read."""
+        """Start to write, if the stream is a terminal."""
         self._started = time.monotonic()
         if self.stream.isatty():
             self._thread.start()
@@ -102,11 +102,11 @@ class TerminalProgress:
 
 @dataclass
 class TrialProgress:
-    """Tells how many trials are done, how many failed, how fast it goes and for how long still."""
+    """Shows how many trials are done and how many failed, the speed, and the remaining time."""
 
-    progress: "Progress"  # who is told
+    progress: "Progress"  # that is shown
     count: int  # of all trials
-    before: int = 0  # that had ended already: they say nothing about how fast it goes
+    before: int = 0  # that had ended already: they do not count in the speed
 
     def __post_init__(self) -> None:
         self._done = self.before
@@ -114,7 +114,7 @@ class TrialProgress:
         self._started = time.monotonic()
 
     def add(self, *, done: int = 0, failed: int = 0) -> None:
-        """Count further trials and tell."""
+        """Count further trials and show them."""
         self._done += done
         self._failed += failed
         ended = self._done + self._failed
@@ -129,7 +129,7 @@ class TrialProgress:
 
 
 def duration(seconds: float) -> str:
-    """Return a time in the unit that suits it."""
+    """Return a time in a suitable unit."""
     for unit, length in (("h", 3600), ("min", 60)):
         if seconds >= 2 * length:
             return f"{seconds / length:.0f} {unit}"

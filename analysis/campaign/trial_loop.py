@@ -1,4 +1,4 @@
-"""Computes a campaign's missing trials on an engine, and writes each that has finished."""
+"""Computes a campaign's missing trials on an engine, and writes each finished one."""
 
 import time
 import traceback
@@ -31,16 +31,16 @@ _RECENT: Final = 99  # trials of which the median is taken
 
 
 class Failure(NamedTuple):
-    """Why a trial has no row."""
+    """The reason why a trial has no row."""
 
     reason: str  # in one line
     refused: bool  # because of its parameters
 
 
 class Answer(NamedTuple):
-    """What became of a trial that came to an end."""
+    """The outcome of a trial that ended."""
 
-    outcome: bytes | Failure  # its encoded row, or why there is none
+    outcome: bytes | Failure  # its encoded row, or the reason why there is none
     seconds: float
 
 
@@ -57,7 +57,7 @@ def attempt(function: Callable[[Task], Row], task: Task) -> Answer:
 
 
 def _why(error: Exception | SystemExit) -> tuple[str, bool]:
-    """Return why a trial has failed, and whether its parameters are the reason."""
+    """Return the reason of a failed trial, and whether its parameters are the cause."""
     if isinstance(error, UserError | ParameterError):
         return str(error), True
     if isinstance(error, OverflowError | MemoryError):
@@ -74,7 +74,7 @@ def _why(error: Exception | SystemExit) -> tuple[str, bool]:
 def attempt_all(
     expected: Code, function: Callable[[Task], Row], tasks: Sequence[Task]
 ) -> list[Answer] | str:
-    """Run trials, or return what this process has differently from whom it works for."""
+    """Run trials, or return the differences between this process and its client."""
     differs = code(modules_of(function)).differs(expected)
     with plain_warnings():
         return differs or [attempt(function, task) for task in tasks]
@@ -87,8 +87,8 @@ class TrialLoop(Generic[Task]):
     function: Callable[[Task], Row]  # makes a task's row
     tasks: Mapping[bytes, Task]  # by their keys in the store
     engine: Engine
-    store: TrialStore  # what has finished is there before it is counted
-    progress: TrialProgress  # told of what is written, and of what fails
+    store: TrialStore  # a finished trial is in it before it is counted
+    progress: TrialProgress  # of written and failed trials
 
     def __post_init__(self) -> None:
         self._code = code(modules_of(self.function))
@@ -151,7 +151,7 @@ class TrialLoop(Generic[Task]):
         return [self._untried.popleft() for _ in range(min(self._chunk(), len(self._untried)))]
 
     def _chunk(self) -> int:
-        """Return how many trials to send at once: several if they are short and many."""
+        """Return the number of trials to send at once: several if they are short and many."""
         if not self._seconds:
             return 1
         short = int(_CHUNK / max(median(self._seconds), 1e-6))
@@ -182,7 +182,7 @@ class TrialLoop(Generic[Task]):
                 self._seconds.append(seconds)
 
     def _lose(self, keys: Sequence[bytes], reason: str) -> None:
-        """Try trials that came to no end again, each alone: of several one is to blame."""
+        """Try lost trials again, each alone: one of several is the cause."""
         to_blame = len(keys) == 1 and (self.engine.exact or keys[0] in self._suspects)
         for key in keys:
             self._suspects.add(key)

@@ -16,7 +16,7 @@ Trial = Mapping[str, float | None]  # measured values by metric; None where unde
 
 
 class Quantity(NamedTuple):
-    """What a metric is measured in, and how trials make one value of it."""
+    """The unit of a metric, and the way to combine its values over trials."""
 
     unit: str
     pooled: Literal["mean", "rms", "least", "most"] = "mean"
@@ -55,7 +55,7 @@ def bootstrap_interval(values: NDArray[np.float64]) -> tuple[float, float]:
     """Return the ends of a mean's 95 % interval, NaN for one value alone.
 
     By the bias-corrected and accelerated bootstrap (Efron 1987), always of the same resamples.
-    Unlike Student's it lies within the values: that of a size never reaches below zero.
+    Unlike Student's it is within the range of the values: for a size it never reaches below zero.
     """
     if len(values) < 2:
         return math.nan, math.nan

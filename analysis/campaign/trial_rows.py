@@ -1,4 +1,4 @@
-"""A trial's result, a flat row, as bytes and back; nothing in it is ever executed."""
+"""A trial's result, a flat row, as bytes and back; decoding never executes code."""
 
 import io
 import json
@@ -17,7 +17,7 @@ def encode(row: Row) -> bytes:
     """Return a row as bytes: a line of JSON, and then each array as NumPy saves it.
 
     Raises:
-        TypeError: If a value is none of those that a row may hold; the message names it.
+        TypeError: If a value has a type that a row can't hold; the message names it.
     """
     plain: dict[str, object] = {}
     arrays: dict[str, np.ndarray] = {}
@@ -37,7 +37,7 @@ def encode(row: Row) -> bytes:
 
 
 def decode(data: bytes) -> dict[str, Any]:
-    """Return the row that :func:`encode` made bytes of."""
+    """Return the row of the bytes of :func:`encode`."""
     buffer = io.BytesIO(data)
     row: dict[str, Any]
     row, arrays = json.loads(buffer.readline())
@@ -47,12 +47,12 @@ def decode(data: bytes) -> dict[str, Any]:
 
 
 def with_table(row: Row, table: Mapping[str, np.ndarray]) -> Row:
-    """Return a row that has a table's columns too."""
+    """Return a row with a table's columns added."""
     return {**row, **{f"{_TABLE}{name}": values for name, values in table.items()}}
 
 
 def table_of(row: Row) -> dict[str, Any]:
-    """Return the table that a row has, without columns if it has none."""
+    """Return the table of a row, without columns if it has none."""
     return {
         name.removeprefix(_TABLE): values
         for name, values in row.items()

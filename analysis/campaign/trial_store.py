@@ -1,4 +1,4 @@
-"""Finished trials on disk, so that no campaign has to do them twice."""
+"""Finished trials on disk, so that a campaign does not run them twice."""
 
 import hashlib
 import sqlite3
@@ -20,10 +20,11 @@ _SIDES: Final = ("", "-wal", "-shm", "-journal")  # files of one database
 class TrialStore:
     """The encoded rows of finished trials by their keys, in an SQLite file.
 
-    A key says all that a row depends on, so that runs that share a file, one after the other or at
-    once, can only find what they would have computed. A file that is damaged is begun anew.
+    A key contains everything that a row depends on. Runs that share a file, one after the other or
+    at once, can therefore only find the rows that they would have computed. A damaged file is
+    replaced.
 
-    Without a path nothing outlives the store; ``fresh`` begins anew.
+    Without a path nothing outlives the store; ``fresh`` starts with an empty one.
 
     Raises:
         UserError: If the file can't be read and written.
@@ -42,7 +43,7 @@ class TrialStore:
                 self._begin_anew(error)
 
     def rows(self, keys: Iterable[bytes]) -> dict[bytes, bytes]:
-        """Return the rows that there are of those asked for."""
+        """Return the existing rows of some keys."""
         found: dict[bytes, bytes] = {}
         with self._named_errors():
             try:
@@ -77,7 +78,7 @@ class TrialStore:
             self._connection.execute("DROP TABLE kept")
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._connection.close()
 
     def _open(self) -> sqlite3.Connection:
@@ -101,7 +102,7 @@ class TrialStore:
         return connection
 
     def _begin_anew(self, error: sqlite3.DatabaseError) -> None:
-        """Replace a file whose content is damaged; subclasses say all else: access, space."""
+        """Replace a file with damaged content; a subclass of the error means access or space."""
         if type(error) is not sqlite3.DatabaseError:
             raise error
         say(f"{self._path} can't be read ({error}), its trials are run again")

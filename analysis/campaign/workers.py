@@ -1,4 +1,4 @@
-"""Processes in which trials and experiments run, each of which may fail without the others."""
+"""Processes in which trials and experiments run; a failure of one does not affect the others."""
 
 import os
 import pickle
@@ -31,34 +31,34 @@ _LOOK: Final = 0.5  # s, between looks whether a process is still there
 
 
 class LostError(Exception):
-    """A call came to no end: its process died, or it took too long; the message says which."""
+    """A call did not end: its process died, or it took too long; the message says which."""
 
 
 class StartError(Exception):
-    """A process can't be started; the message says why."""
+    """A process can't be started; the message gives the reason."""
 
 
 class Engine(Protocol):
-    """Somewhere to run calls, several at once."""
+    """A place that runs calls, several at once."""
 
     exact: bool  # whether a call that is lost is to blame, not another one on the same worker
     processors: tuple[str, ...]  # the types of processors that calls run on
 
     def capacity(self) -> int:
-        """Return how many calls run at once."""
+        """Return the number of calls that run at once."""
 
     def submit(
         self, function: Callable[..., Result], *arguments: object, limit: float | None = None
     ) -> Future[Result]:
-        """Have a function called elsewhere.
+        """Call a function elsewhere.
 
-        The future ends with what the function returns, or with a :class:`LostError`, or with a
-        :class:`StartError`. What the function raises is an error of the program.
+        The future ends with the function's result, or with a :class:`LostError`, or with a
+        :class:`StartError`. An error that the function raises is an error of the program.
 
         Args:
             function: At a module's top level, or a partial of one.
-            arguments: What it is called with.
-            limit: s, that the call may take.
+            arguments: Its arguments.
+            limit: s, of the call.
         """
 
     def close(self) -> None:
@@ -75,11 +75,11 @@ def cores() -> int:
 class Processes:
     """An engine of processes on this machine.
 
-    They are started when they are needed, and replaced when they have grown too large, as they
-    are when they die. They end with this process, however that ends.
+    They start when they are needed. A process that has died or grown too large is replaced.
+    All end with this process, however that ends.
 
-    Each is a Pebble pool of one. Workers that share a pool share its pipe with its locks: one that
-    is killed while it holds them takes the others along (a killed worker in a hundred does).
+    Each is a Pebble pool of one. Workers that share a pool share its pipe with its locks: a worker
+    that is killed while it holds them takes the others along (a killed worker in a hundred does).
     """
 
     exact = True
@@ -100,7 +100,7 @@ class Processes:
         self._threads = ThreadPoolExecutor(count, initializer=_leave_interrupts)
 
     def capacity(self) -> int:
-        """Return how many calls run at once."""
+        """Return the number of calls that run at once."""
         return self._count
 
     def submit(
@@ -132,7 +132,7 @@ class Processes:
 
 @contextmanager
 def processes(count: int) -> Iterator[Processes]:
-    """Give an engine of processes that ends with the block."""
+    """Provide an engine of processes that ends with the block."""
     engine = Processes(count)
     try:
         yield engine
@@ -232,7 +232,7 @@ def _leave_interrupts() -> None:
 
 
 def _begin(lifeline: Connection) -> None:
-    """Leave interrupts to the parent, and end when it lets go of the lifeline, or ends itself."""
+    """Leave interrupts to the parent; end when it closes the lifeline or ends itself."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     os.dup2(2, 1)  # what is printed here must not get among the parent's results
@@ -245,13 +245,13 @@ def _end_with_parent(lifeline: Connection) -> None:
 
 
 def _answer(call: bytes) -> tuple[Any, float]:
-    """Return what a pickled call returns, and the MB that this process holds then."""
+    """Return the result of a pickled call, and the memory of this process then, MB."""
     function, arguments = pickle.loads(call)
     return function(*arguments), _held()
 
 
 def _held() -> float:
-    """Return how much memory this process holds, MB."""
+    """Return the memory of this process, MB."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
         return pages * resource.getpagesize() / 1e6

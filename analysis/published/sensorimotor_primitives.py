@@ -1,4 +1,4 @@
-"""What Morrow, Nelson and Khosla print."""
+"""Results that Morrow, Nelson and Khosla print, and this project's targets."""
 
 import math
 from typing import Final
@@ -11,7 +11,7 @@ TITLE: Final = (
     "for robotic assembly skills"
 )
 
-# Of campaigns, the rate of success that we ask for, %.
+# Target of the success rate of campaigns, %.
 _SUCCESS: Final = {
     "d-connector-success": 98.0,
     "bnc-connector-success": 98.0,
@@ -30,23 +30,23 @@ PUBLISHED: Final[tuple[Published, ...]] = (
     *of("lissajous",
         near("repeats_after", 0.0, 1e-9, "m",
              "section 2: N cycles of the slower sine wave before the pattern repeats",
-             "how far the tool is from where it was N cycles before, the largest of all N",
+             "distance of the tool from its place N cycles before, the largest of all N",
              kind="predicted")),
     *of("vision-primitives", *(
         at_least(f"{primitive}.converged", 100.0, "%",
                  "section 3.1: positioning with poorly-calibrated camera/robot systems",
-                 "the paper says no numbers: 20 % of the focal lengths and 10 degrees are assumed")
+                 "the paper prints no numbers; 20 % of focal lengths and 10 degrees are assumed")
         for primitive in ("translation", "rotation", "fixed_point", "grasp"))),
     *(row for connector in ("d", "bnc") for row in of(f"{connector}-connector",
         at_least("success", 1.0, "", "abstract: successfully applied to two connector insertions",
                  "all parameters are assumed, the paper prints none"))),
     *(row for name, aim in _SUCCESS.items() for row in of(name,
-        at_least("success_rate", aim, "%", "our aim",
-                 "the paper prints no rate; the errors that it drew are assumed"),
-        at_most("false_done", 0.0, "%", "our aim",
-                "of a plug that is said to be mated and is not"),
-        at_most("force.peak_share", 1.5, "", "our aim",
-                "the paper prints no forces; of each run's mating force, assumed too"))),
+        at_least("success_rate", aim, "%", "target of this project",
+                 "the paper prints no rate; the drawn errors are assumed"),
+        at_most("false_done", 0.0, "%", "target of this project",
+                "the skill reports done, and the plug is not mated"),
+        at_most("force.peak_share", 1.5, "", "target of this project",
+                "as a share of each run's assumed mating force; the paper prints no forces"))),
     *(row for name in ("skill", "peg-skill", *_CONNECTORS, *_SUCCESS) for row in of(name,
         *specified(
             at_most("force.share", 100.0, "%", "limit of the parts",

@@ -1,6 +1,6 @@
-"""Skills without one of their primitives: the argument that each earns its place.
+"""Skills without one of their primitives, to measure the value of each.
 
-Source: Morrow, Nelson and Khosla argue for their primitives by what a strategy needs of each.
+Source: Morrow, Nelson and Khosla argue for their primitives by the needs of a strategy.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,19 +19,19 @@ _ROTARY: Final = "rotary search"
 
 
 def whole(skill: Skill) -> Skill:
-    """Return the skill as it is."""
+    """Return the unchanged skill."""
     return skill
 
 
 def without_tare(skill: Skill) -> Skill:
-    """Return a skill that waits where it took the sensor's zero, and takes none."""
+    """Return a skill that waits in place of the tare, and takes no zero."""
     return replace(skill, states=[replace(state, tares=False) for state in skill.states])
 
 
 def without_correlation(skill: Skill) -> Skill:
-    """Return a skill that can't tell whether a dither is obstructed.
+    """Return a skill that does not detect an obstructed dither.
 
-    Where nothing else ended the dithers, their end counts as if it had been.
+    If nothing else ended the dithers, their end counts as the obstruction.
     """
 
     def change(state: SkillState) -> SkillState:
@@ -47,19 +47,19 @@ def without_correlation(skill: Skill) -> Skill:
 
 
 def without_level(skill: Skill) -> Skill:
-    """Return a skill that rests on the face as long as levelling needs, whatever its tilt."""
+    """Return a skill that rests on the face for the time of levelling, whatever its tilt."""
     return _instead(
         skill, lambda one: MoveDx(duration=one.time) if isinstance(one, Level) else one
     )
 
 
 def without_centring(skill: Skill) -> Skill:
-    """Return a skill whose search drifts to where forces lead it."""
+    """Return a skill whose search drifts with the forces."""
     return _instead(skill, lambda one: None if isinstance(one, Centre) else one)
 
 
 def without_grip_check(skill: Skill) -> Skill:
-    """Return a skill that takes it for granted that the fingers hold the plug."""
+    """Return a skill that assumes that the fingers hold the plug."""
 
     def change(one: Primitive) -> Primitive | None:
         if not isinstance(one, Held):
@@ -70,7 +70,7 @@ def without_grip_check(skill: Skill) -> Skill:
 
 
 def without_rotary_search(skill: Skill) -> Skill:
-    """Return a skill whose search ends where the dithers along x and y have ended."""
+    """Return a skill whose search ends with the dithers along x and y."""
     left = next((state for state in skill.states if state.name == _ROTARY), None)
     if left in (None, skill.states[0]) or "done" not in left.on:
         return skill
@@ -98,7 +98,7 @@ CHANGES: Final[Mapping[str, SkillChange]] = {
 
 
 def _instead(skill: Skill, change: Callable[[Primitive], Primitive | None]) -> Skill:
-    """Return a skill with other primitives, None for none, without what only the others led to."""
+    """Return a skill with other primitives, None for none, without unreachable states."""
 
     def changed(state: SkillState) -> SkillState:
         run = [new for one in state.run if (new := change(one)) is not None]
@@ -111,12 +111,12 @@ def _instead(skill: Skill, change: Callable[[Primitive], Primitive | None]) -> S
 
 
 def _without(on: Mapping[Outcome, str | Retry], outcome: Outcome) -> dict[Outcome, str | Retry]:
-    """Return answers without the one to an outcome."""
+    """Return entries without the one for an outcome."""
     return {key: answer for key, answer in on.items() if key != outcome}
 
 
 def _reachable(skill: Skill) -> Skill:
-    """Return a skill without the states that no answer leads to any more."""
+    """Return a skill without the states that no entry leads to any more."""
     by_name = {state.name: state for state in skill.states}
     found, front = set(), [skill.states[0].name]
     while front:

@@ -1,6 +1,6 @@
-"""Many insertions in randomised scenarios: how many succeed, by which search, by which primitives.
+"""Many insertions in randomised scenarios: success rates of skills, searches and primitives.
 
-What a skill believes is the scenario itself; what truly is differs from trial to trial.
+The skill's beliefs are the scenario itself; the truth differs from trial to trial.
 """
 
 import math
@@ -79,23 +79,24 @@ _LEAST: Final = 0.0003  # m, depth of an obstacle that is in a socket, not befor
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioSpread:
-    """By how much trials truly differ from what is believed; all is assumed.
+    """Differences between truth and belief in the trials; all of them are assumed.
 
-    Draws are uniform within plus and minus a range unless it is said otherwise.
+    Draws are uniform within plus and minus a range unless the field says otherwise.
     """
 
     lateral: float = 0.002  # m, of the plug over the socket along x and y
     rotational: float = math.radians(3)  # rad, of the plug in the gripper about x, y and z
     force_bias: float = 1.0  # N, of the sensor along each axis
     torque_bias: float = 0.03  # N m, of the sensor about each axis
-    friction: float = 0.5  # share, of what is believed of the connector's
-    wrist_stiffness: float = 0.3  # share, of what is believed of all of the wrist's
+    friction: float = 0.5  # share, of the believed friction of the connector
+    wrist_stiffness: float = 0.3  # share, of the believed stiffness of the wrist, all axes
     wrist_centre: float = 0.002  # m, of the wrist's springs along the tool
-    sensor_origin: float = 0.002  # m, of where the sensor takes moments, along each axis
+    sensor_origin: float = 0.002  # m, of the origin of the sensor's moments, along each axis
     mating_force: float = 2.0  # factor of the connector's own, either way, log-uniform
     tight: float = 0.5  # share of trials whose connector has the tightest fit allowed
-    focal: float = 0.1  # share, of each camera's focal length, with sight
-    camera_turn: float = math.radians(5)  # rad, of each camera about each of its axes, with sight
+    focal: float = 0.1  # share, of each camera's focal length, with cameras
+    camera_turn: float = math.radians(5)
+    # rad, of each camera about each of its axes, with cameras
     obstacles: float = 0.1  # share of trials in which something is in the socket
     obstacle_short: float = 0.0005  # m, by which an obstacle is short of the mated depth at least
 
@@ -114,10 +115,10 @@ class ScenarioSpread:
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignScenario(ConnectorScenario):
-    """What all campaigns have beside what one insertion has."""
+    """The fields that campaigns add to those of one insertion."""
 
     spread: ScenarioSpread = ScenarioSpread()
-    trials: int = 50  # insertions, each in a randomised scenario of its own
+    trials: int = 50  # insertions, each in its own randomised scenario
 
     def __post_init__(self) -> None:
         require_between(self, 1, _MOST, "trials")
@@ -143,7 +144,7 @@ class Rj45ConnectorCampaignScenario(Rj45ConnectorScenario, CampaignScenario):
 class PegCampaignScenario(PegScenario, CampaignScenario):
     """Many insertions of a round peg, and the same scenarios with other searches."""
 
-    compared: tuple[Search, ...] = ("spiral", "tilt")  # searches beside that of the skill
+    compared: tuple[Search, ...] = ("spiral", "tilt")  # searches to compare with that of the skill
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +161,7 @@ class ResolvedCampaignScenario(ResolvedStrategyScenario, ResolvedTrialsScenario)
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedSkillScenario(ResolvedTrialsScenario):
-    """Many insertions of any part by a skill of one's own; nothing is open."""
+    """Many insertions of any part by your own skill; nothing is open."""
 
     skill: Skill
 
@@ -200,7 +201,7 @@ S = TypeVar("S", bound=ResolvedTrialsScenario)
 
 
 def resolve_campaign(scenario: StrategyScenario) -> ResolvedCampaignScenario:
-    """Return a campaign of a part; what its trials draw comes on top."""
+    """Return the resolved campaign of a part, before the draws of its trials."""
     return ResolvedCampaignScenario(**resolved_fields(scenario))
 
 
@@ -213,7 +214,7 @@ def randomised(scenario: S, seed: int, trial: int) -> S:
     """Return the randomised scenario of one of a seed's trials.
 
     Every trial takes the same draws in the same order, so that one spread does not change
-    another's. An obstacle that has no room in the socket is refused.
+    another's. An obstacle that does not fit into the socket is refused.
     """
     random, spread = np.random.default_rng([seed, trial]), scenario.spread
 
@@ -260,7 +261,7 @@ def randomised(scenario: S, seed: int, trial: int) -> S:
 def _miscalibrated(
     sight: ResolvedSightSettings, focal: list[float], turns: list[list[float]]
 ) -> ResolvedSightSettings:
-    """Return the cameras, believed to be as they are but for errors."""
+    """Return the cameras with errors in their believed parameters."""
     xz, yz = (
         replace(
             one,
@@ -294,10 +295,11 @@ MEASURED: Final = tuple(name for name in INSERTION if name != "real_time_factor"
 def attempt(
     scenario: ResolvedTrialsScenario, seed: int, trial: int, change: SkillChange = whole
 ) -> Row:
-    """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
+    """Run one of a seed's trials; it depends on its arguments alone, except for its speed.
 
-    The row has what was drawn, what the run measured, the truth, why it failed (``reason``, empty
-    if it did not), and where the largest force was; of a failed one also a table of its course.
+    The row has the draws, the metrics of the run, the truth, the reason of a failure (``reason``,
+    empty without one), and the place of the largest force; a failed trial also has a table of its
+    course.
     """
     one = randomised(scenario, seed, trial)
     skill = change(one.make_skill())
@@ -315,7 +317,7 @@ def attempt(
 
 
 def _draws(one: ResolvedTrialsScenario) -> dict[str, float | None]:
-    """Return what was drawn of a trial."""
+    """Return the draws of a trial."""
     own, wrist, tight = one.connector, one.wrist, one.connector.tolerance == "worst"
     part = (own.material.friction, own.mating_force, float(tight))
     drawn = (*one.initial_error, *part, wrist.stiffness[-1], wrist.centre, one.obstacle)
@@ -342,9 +344,9 @@ def run_success(scenario: ResolvedTrialsScenario, seed: int, progress: Progress)
 
 
 def median_failure(rows: Sequence[Row]) -> int | None:
-    """Return which of the trials that fail does so nearest to their median time, if any fails.
+    """Return the failed trial whose time is nearest to their median time, if any fails.
 
-    Trials with a free socket come first, as those with an obstacle are to fail.
+    Trials with a free socket come first, because those with an obstacle are expected to fail.
     """
     failed = [i for i, row in enumerate(rows) if row["reason"]]
     failed = [i for i in failed if rows[i]["obstacle"] is None] or failed
@@ -395,7 +397,7 @@ def _by_search(scenario: ResolvedPegCampaignScenario, seed: int, task: VariantTa
 
 
 def run_searches(scenario: ResolvedPegCampaignScenario, seed: int, progress: Progress) -> Outcome:
-    """Grasp and insert the peg many times with each search; what is asked is the skill's own."""
+    """Grasp and insert the peg many times with each search; targets are for the skill's own."""
     own = scenario.skill.search
     searches = list(dict.fromkeys((own, *scenario.compared)))
     attempts = attempt_each(
@@ -421,7 +423,7 @@ def search_figures(scenario: ResolvedPegCampaignScenario, outcome: Outcome) -> d
 
 
 def ablated_skills(scenario: ResolvedTrialsScenario) -> tuple[str, ...]:
-    """Return the names of the skills that differ: the whole one, and what it can lack."""
+    """Return the names of the compared skills: the whole one, and those that lack a primitive."""
     own = scenario.make_skill()
     blind = replace(scenario, sight=None).make_skill()
     changed = [name for name, change in CHANGES.items() if name == "whole" or change(own) != own]
@@ -471,17 +473,17 @@ def _stacked(variant: str, attempts: Mapping[str, Trials[int]]) -> Table:
 
 
 def annotated(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
-    """Return metrics with what the speed was measured on."""
+    """Return metrics with a note on the machine that the speed was measured on."""
     speed = metrics["real_time_factor"]
     note = f"a core each, the machine's own; {speed.note}"
     return {**metrics, "real_time_factor": replace(speed, note=note)}
 
 
 def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
-    """Return how many trials succeed, with the exact 95 % interval, and what they take.
+    """Return the success rate with its exact 95 % interval, and the mean effort of a success.
 
-    Successes are those of the trials whose sockets are free. What the skill says is compared with
-    the truth in all of them.
+    Successes count in the trials with a free socket. All trials compare the skill's report with
+    the truth.
     """
     n = len(attempts)
     free = np.isnan(attempts.column("obstacle"))
@@ -533,10 +535,10 @@ def _pooled(attempts: Trials[int], name: str, pooled: Literal["largest", "mean"]
 
 
 def attempt_rows(attempts: Trials[int]) -> Table:
-    """Return a row for each trial: what was drawn, what it measured, the truth, and why it failed.
+    """Return a row for each trial: draws, metrics, truth, and the reason of a failure.
 
     ``reason`` is "<state>: <outcome>"; its depth, m, force, N, and tilt, rad, are true, its time
-    in s. ``peak`` is where the largest true force along the insertion was, likewise.
+    in s. ``peak`` is the place of the largest true force along the insertion, likewise.
     """
     names = (*DRAWN, *MEASURED, *InsertionVerdict._fields, *_WHY, *_PEAK)
     return {
@@ -628,7 +630,7 @@ def _errors(
 
 
 def plot_searches(rows: Table) -> Figure:
-    """Draw which share of the trials is done after which time, and times against the first's.
+    """Draw the share of the trials that is done over time, and times against the first search's.
 
     Trials with an obstacle are left out.
     """

@@ -1,4 +1,4 @@
-"""Figs. 5 and 6: the D and the BNC connector are inserted, from sight to lock; other parts too."""
+"""Figs. 5 and 6: insertion of the D and the BNC connector, from grasp to lock; other parts too."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -56,7 +56,7 @@ def run(scenario: ResolvedStrategyScenario, seed: int, progress: Progress) -> Ou
 def run_to_end(
     skill: Skill, scenario: ResolvedConnectorScenario, seed: int, progress: Progress
 ) -> SkillResult:
-    """Run a skill, and report how far it is by the simulated time."""
+    """Run a skill, and report its progress by the simulated time."""
 
     def annotated(fraction: float, doing: str = "") -> None:
         # The skill ends long before its time is up: the time is what tells.
@@ -66,7 +66,7 @@ def run_to_end(
 
 
 def insertion_outcome(done: SkillResult, connector: Connector) -> Outcome:
-    """Return what a run of a skill measured."""
+    """Return the metrics and traces of a skill's run."""
     metrics = over_trials([insertion_metrics(done, connector)], INSERTION)
     at = peak(done)
     at["depth"], at["tilt"] = 1e3 * at["depth"], math.degrees(at["tilt"])
@@ -94,7 +94,7 @@ def figures(scenario: ResolvedStrategyScenario, outcome: Outcome) -> Mapping[str
 def insertion_figures(
     skill: Skill, connector: Connector, outcome: Outcome, ended: str
 ) -> dict[str, Figure]:
-    """Return the figures of a run of a skill; ``ended`` says how."""
+    """Return the figures of a run of a skill; ``ended`` names its end."""
     chart, path = make_skill_chart(skill), outcome.tables["path"]
     result = f"{ended}, after {outcome.metrics['duration'].value:.2f} s"
     return {
@@ -118,7 +118,7 @@ _BESIDE: Final = 0.01  # m, from which on a plug is not above its socket
 def plot_insertion(
     traces: Table, path: Table, *, states: Sequence[str], mated: float, mating_force: float
 ) -> Figure:
-    """Draw V_cmd and V_ref axis by axis as the paper does, forces, torques and the depth."""
+    """Draw V_cmd and V_ref axis by axis as in the paper, forces, torques and the depth."""
     figure = new_figure(12.0, 14.0)
     time, visits = traces["time"], _visits(traces, path, states)
     heights = (*(0.8,) * 6, 1.15, 0.9, 1.15)
@@ -203,10 +203,10 @@ def skill_charts(scenario: Any) -> tuple[Chart[Any, Any], ...]:
 def replay_insertion(
     scenario: ResolvedConnectorScenario, outcome: Outcome, meshcat: Meshcat
 ) -> None:
-    """Show a run as an animation, seen at first from near the socket.
+    """Show a run as an animation, with the first view near the socket.
 
     Raises:
-        ValueError: If a column of the traces is missing, or what ``record`` raises.
+        ValueError: If a column of the traces is missing, or any error of ``record``.
     """
     view = make_connector_view(scenario, meshcat)
     set_stage(meshcat, floor=_FLOOR, eye=_EYE, target=_TARGET)

@@ -1,4 +1,4 @@
-"""Eq. (1): what the correlation of command and motion shows, and what it cannot."""
+"""Eq. (1): the obstructions that the correlation of command and motion detects, and misses."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -57,7 +57,7 @@ CASES_SCENARIO: Final = CorrelationScenario(sensor=AxisSensorParams(noise=2.5, b
 
 
 def resolve_cases(scenario: CorrelationScenario) -> ResolvedCorrelationScenario:
-    """Return the scenario with nothing open; its dither has to be one that every case can run."""
+    """Return the scenario with nothing open; every case has to be able to run its dither."""
     dither, sensor, sides = scenario.dither, scenario.sensor, scenario.constraint.sides
     if not sensor.bias >= 0:
         raise ParameterError("sensor.bias", sensor.bias, "a finite number >= 0")
@@ -147,7 +147,7 @@ def _run_case(scenario: ResolvedCorrelationScenario, seed: int, name: str) -> Ro
 
 
 def theory(scenario: ResolvedCorrelationScenario, name: str) -> float:
-    """Return what eq. (1) is expected to be, in closed form, sampled as the loop is.
+    """Return the expected value of eq. (1) in closed form, sampled as the loop is.
 
     Free: ``(N^2 / 8) tan^2(pi / N)`` for N a multiple of four. Constrained: the phase lag of
     ``(z - 1) / (z - 1 + kappa)``, damping control that samples with one hold. One-sided: as free,
@@ -178,7 +178,7 @@ def theory(scenario: ResolvedCorrelationScenario, name: str) -> float:
 
 
 def figures(scenario: ResolvedCorrelationScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw a cycle of every case, and C of all windows beside what theory says."""
+    """Draw a cycle of every case, and C of all windows next to the theory."""
     figure = new_figure(11.0, 7.0)
     grid = figure.add_gridspec(2, 6)
     table = outcome.tables["cycles"]

@@ -1,4 +1,4 @@
-"""What insertions measure, and what a skill says of them against the truth it does not see."""
+"""Metrics of insertions, and the comparison of a skill's report with the truth."""
 
 import math
 from typing import Any, Final, NamedTuple
@@ -33,13 +33,13 @@ _CLEAR: Final = 0.002  # m, over the socket's face, where a plug that is retract
 
 
 def insertion_metrics(done: SkillResult, connector: Connector) -> Trial:
-    """Return what a run measured.
+    """Return the metrics of a run.
 
-    ``success`` is 1 if the skill says so and the plug is in, by the truth; ``force.peak`` is the
+    ``success`` is 1 if the skill reports done and the plug is truly in. ``force.peak`` is the
     largest true push or pull along the insertion at any step of the plant, its share that of the
     true mating force, and ``torque.peak`` the largest true torque about an axis, likewise.
-    ``force.share`` and ``torque.share`` are the largest load along and about any axis, of what
-    plug and socket stand.
+    ``force.share`` and ``torque.share`` are the largest load along and about any axis, as a share
+    of the load that plug and socket withstand.
     """
     traces = done.traces
     depth = float(traces["depth"][-1])
@@ -59,12 +59,12 @@ def insertion_metrics(done: SkillResult, connector: Connector) -> Trial:
 
 
 class Failure(NamedTuple):
-    """Why a run is no success, and what was true when it gave up."""
+    """The reason of a failed run, and the true values at its failure."""
 
-    state: str  # in which it gave up
+    state: str  # in which it failed
     outcome: str  # of that state, such as "jammed"
     depth: float  # m, true
-    mated: float  # m, depth of what is mated
+    mated: float  # m, depth of a mated plug
     force: float  # N, on the plug against its insertion, true
     tilt: float  # rad, of the plug in the socket, true
     time: float  # s
@@ -77,7 +77,7 @@ class Failure(NamedTuple):
 
     @property
     def text(self) -> str:
-        """All of it in one line."""
+        """The whole reason in one line."""
         found = (
             f"{self.reason} at {1e3 * self.depth:z.1f} of {1e3 * self.mated:.1f} mm, "
             f"{self.force:z.0f} N, {math.degrees(self.tilt):.1f} degrees, after {self.time:.1f} s"
@@ -86,7 +86,7 @@ class Failure(NamedTuple):
 
 
 def failure(done: SkillResult, connector: Connector) -> Failure | None:
-    """Return why a run is no success, with the truth in the simulation; None if it is one."""
+    """Return the reason of a failed run, with the truth in the simulation; None for a success."""
     state, outcome, expected = done.state, "still running", ""
     row = len(done.traces["time"]) - 1
     if done.outcome == "failed":
@@ -107,7 +107,7 @@ def failure(done: SkillResult, connector: Connector) -> Failure | None:
 
 
 def failure_columns(found: Failure | None) -> dict[str, str | float | None]:
-    """Return a failure as a trial's row has it, None and empty without one."""
+    """Return a failure as columns of a trial's row, None and empty without one."""
     numbers = {name: getattr(found, name, None) for name in ("depth", "force", "tilt", "time")}
     return {
         "reason": found.reason if found else "",
@@ -117,7 +117,7 @@ def failure_columns(found: Failure | None) -> dict[str, str | float | None]:
 
 
 def peak(done: SkillResult) -> dict[str, Any]:
-    """Return where the largest true force along the insertion was: state, depth, m, tilt, rad."""
+    """Return the place of the largest true force along the insertion: state, depth, tilt."""
     at = done.peak_time
     state = next((one.source for one in done.path if one.time >= at), done.state)
     row = min(_row(done, at), len(done.traces["time"]) - 1)
@@ -136,11 +136,11 @@ def is_mated(connector: Connector, depth: float, turn: float) -> bool:
 class InsertionVerdict(NamedTuple):
     """The truth about a run."""
 
-    mated: bool  # at its end
-    false_done: bool  # it says that it is done, and is not mated
-    hindered: int  # how often it found a plug's motion hindered
-    false_hindered: int  # how often of that the plug was not even in the mouth of the socket
-    false_reason: bool  # it failed, and not for the reason that it gives, or is not out
+    mated: bool  # at the end of the run
+    false_done: bool  # it reports done, and the plug is not mated
+    hindered: int  # how often it detected an obstructed motion of the plug
+    false_hindered: int  # how often the plug was then not even in the mouth of the socket
+    false_reason: bool  # it failed, but not for its reason, or the plug is not out
 
 
 def verdict(done: SkillResult, connector: Connector, skill: Skill) -> InsertionVerdict:
@@ -161,10 +161,10 @@ def verdict(done: SkillResult, connector: Connector, skill: Skill) -> InsertionV
 def _truthful(done: SkillResult, connector: Connector, skill: Skill) -> bool:
     """Return whether a skill failed for its reason, and is out of the socket.
 
-    A reason is a state and how it ended, which is where the skill gave up. A grip that is lost is
-    told from the truth, a part that is seen no more is not. All else is said of a plug that was
-    never held, or is held, not mated, and pulled out in the end; what is jammed touches something,
-    and what is tilted is out of line besides.
+    A reason is a state and its outcome at the failure. A lost grip is judged by the truth; a part
+    that the cameras lost is not judged. Every other reason needs a plug that was never held, or
+    that is held, not mated, and pulled out in the end. A jammed plug also touches something, and a
+    tilted one is out of line.
     """
     given_up = [one for one in done.path if one.target == RETRACT]
     if not given_up:

@@ -1,4 +1,4 @@
-"""Fig. 2: what two dithers with the frequency ratio (N + 1) / N cover."""
+"""Fig. 2: the area that two dithers with the frequency ratio (N + 1) / N cover."""
 
 import math
 from collections.abc import Mapping
@@ -49,7 +49,7 @@ LISSAJOUS: Final = LissajousScenario()
 
 
 def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
-    """Integrate the velocities for every N and measure what is covered."""
+    """Integrate the velocities for every N and measure the covered area."""
     amplitude = scenario.amplitude
     finished = run_each(partial(_search, scenario), scenario.repeats, progress)
     rows = {n: its.rows[0] for n, its in finished.split(scenario.repeats, lambda n: n).items()}
@@ -87,9 +87,9 @@ def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
 
 
 def _search(scenario: LissajousScenario, repeats: int) -> Row:
-    """Return a search's ``position`` m, shape (n, 2), at ``time`` s, and what it covers.
+    """Return a search's ``position`` m, shape (n, 2), at ``time`` s, and its coverage.
 
-    It is run twice on end: ``apart``, m, is how far the second pattern is from the first.
+    It runs twice in a row: ``apart``, m, is the distance of the second pattern from the first.
     """
     slow = Dither(axis="x", amplitude=scenario.amplitude, frequency=scenario.frequency)
     dithers = lissajous(first=slow, axis="y", repeats=repeats)

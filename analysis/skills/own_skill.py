@@ -1,4 +1,4 @@
-"""A skill of one's own, out of a YAML file, run with any part (Fig. 4)."""
+"""Your own skill from a YAML file, run with any part (Fig. 4)."""
 
 import math
 from collections.abc import Mapping
@@ -70,18 +70,19 @@ _FILE: Final = ".yaml"  # of a part
 
 @dataclass(frozen=True, kw_only=True)
 class OwnSkillScenario(CampaignScenario):
-    """A skill, a part, and all that both are run in."""
+    """A skill, a part, and the setup of both."""
 
     skill: str | None = None
     # path of a YAML file, of which a run keeps the text; None: the part's own strategy
     part: str = "d-connector"
-    # what is inserted: d-connector, bnc-connector, peg, rj45-connector; own: the mesh files of
-    # ``connector``; or a path of a YAML file, .yaml, with the fields of a part of mesh files
+    # part to insert: d-connector, bnc-connector, peg, rj45-connector; own: the mesh files of
+    # ``connector``; or the path of a YAML file, .yaml, with the fields of a part of mesh files
     connector: Mapping[str, Any] | None = None
-    # fields of the part that are not as it comes; None: all are
+    # fields of the part that differ from its defaults; None: no field
     trials: int = 1  # insertions; 1: in the scenario itself, more: each in a randomised one
     compared: tuple[str, ...] = ()
-    # skills beside the whole one, in the same randomised scenarios: without_tare and so on
+    # skills to compare with the whole one, in the same randomised scenarios: without_tare and so
+    # on
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -100,7 +101,7 @@ OWN_SKILL: Final = OwnSkillScenario()
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedOwnSkillScenario(OwnSkillScenario):
-    """A skill, a part, and all that both are run in; nothing is open but the strategy."""
+    """A skill, a part, and the setup of both; nothing is open but the strategy."""
 
     connector: Mapping[str, Any]
     believed_wrist: WristParams
@@ -109,7 +110,7 @@ class ResolvedOwnSkillScenario(OwnSkillScenario):
 
     @cached_property
     def insertion(self) -> ResolvedTrialsScenario:
-        """The part with its skill and all that both are run in."""
+        """The part with its skill and setup."""
         common = {one.name: getattr(self, one.name) for one in fields(ConnectorScenario)}
         trials: dict[str, Any] = {"spread": self.spread, "trials": self.trials}
         connector = _connector(self.part, self.connector)
@@ -122,7 +123,7 @@ class ResolvedOwnSkillScenario(OwnSkillScenario):
         return ResolvedCampaignScenario(**resolved_fields(own), **trials)
 
     def make_skill(self) -> Skill:
-        """Return the skill, out of its text or the part's own strategy."""
+        """Return the skill, from its text or the part's own strategy."""
         return self.insertion.make_skill()
 
 
@@ -137,7 +138,7 @@ def _skill(text: str) -> Skill:
 
 
 def _connector(part: str, given: Mapping[str, Any] | None) -> Any:
-    """Return a part with what is given of it."""
+    """Return a part with the given fields."""
     if part == _OWN:
         return structured(given or {}, MeshConnector, path="connector")
     own = _from_file(Path(part)) if part.endswith(_FILE) else _PARTS[part].connector
@@ -158,7 +159,7 @@ def _from_file(path: Path) -> MeshConnector:
 
 
 def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
-    """Put the texts of files in their places, check the skill, and leave nothing open.
+    """Replace files by their texts, check the skill, and leave nothing open.
 
     Raises:
         UserError: If there is no such file, it holds no skill that can be run or no part, or a
@@ -203,7 +204,7 @@ def run(scenario: ResolvedOwnSkillScenario, seed: int, progress: Progress) -> Ou
 
 
 def _mating_force(traces: Table, connector: Connector) -> dict[str, Metric]:
-    """Return the force that a plug in line takes, and that of this one on the same way."""
+    """Return the force of a plug in line, and that of this one on the same way."""
     depth = traces["depth"]
     on_its_way = (depth > connector.lead_in) & (depth < connector.mated_depth - MATED)
     most = float(traces["true_wrench_z"][on_its_way].max(initial=-math.inf))

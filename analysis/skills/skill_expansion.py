@@ -1,6 +1,6 @@
-"""What skill files may say in short: variables, units, states by name, searches in one line.
+"""Short forms of skill files: variables, units, states by name, searches in one line.
 
-All of it is written out as a file is read; what runs knows nothing of it.
+All of them are expanded when a file is read; runs only see the result.
 """
 
 import ast
@@ -62,9 +62,9 @@ _UNITS: Final = {
 
 
 def quantity(text: str, variables: Mapping[str, Any]) -> Quantity | None:
-    """Return what a text such as ``4 N`` or ``0.5 * $depth`` comes to, None if it is none.
+    """Return the value of a text such as ``4 N`` or ``0.5 * $depth``, None if it has none.
 
-    What stands side by side is a product: ``4 N / 2 mm`` is ``4 N / 2 * mm``.
+    Adjacent terms are a product: ``4 N / 2 mm`` is ``4 N / 2 * mm``.
     """
     if len(text) > _LONGEST or not re.search("[0-9$]", text):
         return None
@@ -158,7 +158,7 @@ def _units(cls: type, name: str, given: Mapping[str, Any]) -> list[str]:
 
 
 def _number(value: Any, units: list[str], path: str) -> Any:
-    """Return numbers in SI units; what is none stays as it is."""
+    """Return numbers in SI units; other values stay the same."""
     if isinstance(value, list):
         half = (len(value) + 1) // len(units)
         return [_number(one, [units[i // half]], path) for i, one in enumerate(value)]
@@ -189,7 +189,7 @@ class Lissajous:
 
     @property
     def dithers(self) -> tuple[Dither, Dither]:
-        """The dithers that it stands for."""
+        """The two dithers."""
         slow = Dither(axis=self.axes[0], amplitude=self.amplitude, frequency=self.frequency)
         return lissajous(first=slow, axis=self.axes[1], repeats=self.repeats)
 
@@ -206,7 +206,7 @@ class SkillReader:
         """Return the skill, whose states are not checked.
 
         Raises:
-            UserError: If something is none that a skill may have; it says where.
+            UserError: If a part of the file is not allowed in a skill; it names the place.
         """
         given, variables = dict(plain), dict[str, Any]()
         for name, value in _mapping(given.pop("let", None), "let").items():
@@ -227,7 +227,7 @@ class SkillReader:
     def _states(
         self, listed: Any, variables: Mapping[str, Any], within: tuple[str, ...]
     ) -> Iterator[SkillState]:
-        """Yield the states of a list of states and groups, of which some are written out."""
+        """Yield the states of a list of states and groups, with groups expanded."""
         if not isinstance(listed, list) or not listed:
             raise UserError(f"states is {shown(listed)}, allowed: a list of states")
         for item in listed:
@@ -297,7 +297,7 @@ def _arguments(
 
 
 def _built_in(group: StateGroup, given: Mapping[str, Any]) -> Iterable[SkillState]:
-    """Return the states of a group that is built in."""
+    """Return the states of a built-in group."""
     needed = dict.fromkeys((*group.exits.split(), *group.sizes))
     _arguments(given, {**needed, **dict.fromkeys(group.fields.split(), "")}, {})
     made = {}
@@ -312,7 +312,7 @@ def _built_in(group: StateGroup, given: Mapping[str, Any]) -> Iterable[SkillStat
 
 
 def _answer(plain: Any, path: str) -> Any:
-    """Return an answer with the factors such as ``1.2x`` where they belong."""
+    """Return an entry with factors such as ``1.2x`` in their places."""
     if not isinstance(plain, Mapping):
         return plain
     changed, factors = dict(plain), {}

@@ -1,4 +1,4 @@
-"""Skills as YAML, which is read and written without Drake: also beside a robot."""
+"""Skills as YAML, read and written without Drake: also next to a robot."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +15,7 @@ from chamfer.systems.statechart.chart import ChartError
 
 
 def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
-    """Return the skill that a YAML file holds, checked; it may name the ``primitives``.
+    """Return the checked skill of a YAML file; it may name the ``primitives``.
 
     Raises:
         UserError: If the file can't be read, or holds no skill that can be run.
@@ -28,7 +28,7 @@ def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
 
 
 def skill_of(plain: Mapping[Any, Any], primitives: Primitives = PRIMITIVES) -> Skill:
-    """Return the skill that plain data stands for, checked as by :func:`read_skill`."""
+    """Return the skill of plain data, checked as by :func:`read_skill`."""
     skill = SkillReader(primitives).skill(plain)
     try:
         make_skill_chart(skill)

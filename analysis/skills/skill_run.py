@@ -41,17 +41,19 @@ class SkillStep(NamedTuple):
 class SkillResult:
     """A finished run of a skill.
 
-    The traces have a row per tick: ``time`` s; ``V_cmd_<axis>`` and ``V_ref_<axis>``, rad/s or
-    m/s; ``wrench_<axis>`` as measured, N m or N; ``carriage_<axis>``, rad or m; of the truth
-    ``plug_<axis>``, the tip's displacement, rad or m, ``true_wrench_<axis>``, ``depth`` m,
-    ``lateral_x`` and ``lateral_y`` m, ``tilt`` and ``turn`` rad; ``holding``, ``retries``, and
-    ``state``, the index of the chart's state.
+    The traces have a row per tick:
+
+    - ``time`` s; ``V_cmd_<axis>`` and ``V_ref_<axis>``, rad/s or m/s;
+    - ``wrench_<axis>`` as measured, N m or N; ``carriage_<axis>``, rad or m;
+    - the truth: ``plug_<axis>``, the tip's displacement, rad or m, ``true_wrench_<axis>``,
+      ``depth`` m, ``lateral_x`` and ``lateral_y`` m, ``tilt`` and ``turn`` rad;
+    - ``holding``, ``retries``, and ``state``, the index of the chart's state.
     """
 
-    outcome: Ended  # what the skill says of itself; running: the scenario's duration was over
-    state: str  # in which it ended
+    outcome: Ended  # as the skill reports; running: the scenario's duration was over
+    state: str  # at the end
     reason: str  # why it failed, "<state>: <outcome>"; empty if it did not
-    expected: str  # of that state, in words, in place of that outcome
+    expected: str  # event that this state waited for, in words
     path: tuple[SkillStep, ...]  # the transitions that it took
     traces: Traces
     peaks: Array  # largest true load about and along each axis, N m above N, of all plant steps
@@ -126,8 +128,8 @@ def _step(taken: TransitionRecord, reason: str) -> SkillStep:
 def true_motion(displacement: Array, grasp: Array) -> Traces:
     """Return depth, lateral displacement, tilt and turn of the plug in the socket.
 
-    The ``displacement`` is the tool's, rad above m, shape (n, 6), ``grasp`` how the plug is turned
-    in it, rad about x, y and z, shape (3,).
+    The ``displacement`` is the tool's, rad above m, shape (n, 6), ``grasp`` the rotation of the
+    plug in it, rad about x, y and z, shape (3,).
     """
     X_TP = tip_pose(np.concatenate([grasp, np.zeros(3)]))
     rows = np.empty((len(displacement), 5))
@@ -140,7 +142,7 @@ def true_motion(displacement: Array, grasp: Array) -> Traces:
 
 
 def path_table(path: Sequence[SkillStep]) -> Table:
-    """Return the columns of the transitions taken, each with when its source was entered, s."""
+    """Return the columns of the transitions, each with the begin of its source, s."""
     times = [one.time for one in path]
     names = {
         name: np.array([getattr(one, name) for one in path], dtype=np.str_)

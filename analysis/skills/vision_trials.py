@@ -53,9 +53,9 @@ _RIGHT: Final = CameraBelief()
 
 @dataclass(frozen=True, kw_only=True)
 class VisionTrial:
-    """What became of one primitive."""
+    """The result of one primitive's trial."""
 
-    event: str | None  # None: time was up, or the primitive refused what it was to believe
+    event: str | None  # None: the time was over, or the primitive refused its beliefs
     time: float  # s, when it ended
     times: Array  # s, shape (n,)
     errors: Array  # m and rad, of true_errors, shape (n, 2)
@@ -79,10 +79,10 @@ def draw(
     trial: int,
     random: np.random.Generator,
 ) -> VisionServoScenario:
-    """Return a trial of a primitive: a random start, every camera wrong.
+    """Return a trial of a primitive with a random start and errors in every camera.
 
-    Its number goes through the signs of the focal lengths' relative error; orientations are wrong
-    about random axes, rad.
+    Its number cycles through the signs of the focal lengths' relative error; orientations have
+    errors about random axes, rad.
     """
     signs = [1 if trial >> k & 1 else -1 for k in range(3)]
     beliefs = [
@@ -114,7 +114,7 @@ def draw(
 
 
 def true_errors(scenario: VisionServoScenario, displacement: Array) -> tuple[float, float]:
-    """Return how far from its goal a primitive truly is, m and rad; NaN: it has no such goal."""
+    """Return the true distance from a primitive's goal, m and rad; NaN: it has no such goal."""
     X_WE = tip_pose(displacement)
     X_WT = X_WE @ scenario.held_at
     target = tip_pose(np.array(scenario.target))
@@ -136,7 +136,8 @@ def true_errors(scenario: VisionServoScenario, displacement: Array) -> tuple[flo
 def seen_error(scenario: VisionServoScenario, displacement: Array) -> float | None:
     """Return the error in images without noise, pixels, the largest of a primitive's features.
 
-    Of the translation it is the part that is believed to be reducible. None: it has no such error.
+    For the translation it is the part that is believed to be reducible. None: it has no such
+    error.
     """
     primitive = scenario.parameters
     if isinstance(primitive, VisGrasp):
@@ -161,7 +162,7 @@ def seen_error(scenario: VisionServoScenario, displacement: Array) -> float | No
 
 
 def shares(scenario: VisionServoScenario) -> NDArray[np.complex128]:
-    """Return which shares of its errors the loop truly takes away in a frame, complex, (n,).
+    """Return the shares of its errors that the loop truly removes in a frame, complex, (n,).
 
     The eigenvalues of ``gain pinv(J_believed) J_true`` in the middle of the images.
     """
@@ -231,16 +232,16 @@ _STREAMS: Final = {name: k for k, name in enumerate((*NAMES, "map"))}
 
 @dataclass(frozen=True, kw_only=True)
 class VisionPrimitivesScenario:
-    """Random starts with wrong cameras, and a map of how wrong they may be; all is assumed.
+    """Random starts with camera errors, and a map of tolerable errors; all of it is assumed.
 
-    Starts, targets and what is believed of the cameras are drawn.
+    Starts, targets and the beliefs about the cameras are drawn.
     """
 
     loop: VisionServoSetup = VisionServoSetup()  # of every trial
     trials: int = 25  # of each primitive
     focal_error: float = 0.2  # of the believed focal lengths, relative, either sign
     orientation_error: float = math.radians(10)  # rad, of each camera, about a random axis
-    duration: float = 3.5  # s, that a primitive has
+    duration: float = 3.5  # s, of a primitive at most
     map_focal: tuple[float, ...] = (0.15, 0.25, 0.4, 1.0, 2.0)
     # believed to true focal lengths of both cameras, of the cells of the translation's map
     map_angle: tuple[float, ...] = tuple(math.radians(one) for one in (0, 20, 40, 60, 90))
@@ -267,7 +268,7 @@ VISION_PRIMITIVES: Final = VisionPrimitivesScenario()
 
 
 class VisionTask(NamedTuple):
-    """One trial; those of the map have a focal factor and an orientation error of their own."""
+    """One trial; those of the map have their own focal factor and orientation error."""
 
     name: VisionPrimitive
     trial: int
@@ -339,7 +340,7 @@ def run(scenario: VisionPrimitivesScenario, seed: int, progress: Progress) -> Ou
 
 
 def trial_metrics(trials: Sequence[VisionTrial]) -> dict[str, Metric]:
-    """Return how many trials of a primitive settled, how fast and where."""
+    """Return how many trials of a primitive settled, their time and their final errors."""
     settled = [trial for trial in trials if trial.event == "done"]
     n = len(trials)
     note = f"{len(settled)} of {n}"
@@ -370,7 +371,7 @@ def trial_metrics(trials: Sequence[VisionTrial]) -> dict[str, Metric]:
 def _held(
     scenario: VisionPrimitivesScenario, seed: int, finished: Trials[VisionTask]
 ) -> dict[str, Metric]:
-    """Return how far the fixed point went on the way, and how far the turn alone takes it."""
+    """Return the displacement of the fixed point on the way, and that of the turn alone."""
     away = max(float(trial.errors[:, 0].max()) for trial in _trials(finished))
     lever = math.hypot(scenario.loop.lever[0], scenario.loop.lever[2])
     alone = max(
@@ -427,7 +428,7 @@ def _cells(finished: Trials[VisionTask]) -> Table:
 
 
 def map_metrics(cells: Table) -> dict[str, Metric]:
-    """Return how wrong the cameras may be, along both axes of the map, and if theory agrees."""
+    """Return the tolerable camera errors along both axes of the map, and whether theory agrees."""
     found = {"": cells["converged"] > 0, "theory.": cells["theory_root"] < 1}
     metrics = {
         "map.agreement": Metric(
@@ -451,7 +452,7 @@ def map_metrics(cells: Table) -> dict[str, Metric]:
 
 
 def _farthest(places: Array, good: NDArray[np.bool_], *, reverse: bool = False) -> float | None:
-    """Return the last place, in order, up to which all is good; None: there is none."""
+    """Return the last place, in order, up to which all trials settle; None: there is none."""
     last = None
     for place in sorted(set(places.tolist()), reverse=reverse):
         if not good[places == place].all():
@@ -466,7 +467,7 @@ def make_diagram(scenario: VisionPrimitivesScenario) -> Diagram:
 
 
 def make_loops(scenario: VisionPrimitivesScenario) -> tuple[Diagram, ...]:
-    """Return none: what a trial's primitive believes of the cameras is drawn."""
+    """Return no loops, because the beliefs about the cameras are drawn for each trial."""
     return ()
 
 
