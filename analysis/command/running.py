@@ -53,6 +53,7 @@ if TYPE_CHECKING:
 
 # What parameters lead to that are beyond what numbers, memory or the integrator can do. Drake
 # raises RuntimeError, also where ports of different sizes are connected.
+_OVERVIEW: Final = "-overview"  # end of the stem of a drawing that shows a part
 _OF_NUMBERS: Final = (ValueError, ArithmeticError, MemoryError, RuntimeError)
 
 
@@ -246,7 +247,8 @@ def _drawn(
     drawn = ("figures", "captions", "drawings", "replay")
     told = {name: old[name] for name in drawn if name in old}
     names = [*told["figures"], *told["drawings"], *([REPLAY] if "replay" in told else [])]
-    names += [name.replace(".svg", ".mmd") for name in told["drawings"]]
+    whole = [name for name in told["drawings"] if f"{_OVERVIEW}." not in name]
+    names += [name.replace(".svg", ".mmd") for name in whole]
     try:
         with locked(folder):
             there = {name: (folder / name).read_bytes() for name in (*names, *files)}
@@ -305,18 +307,24 @@ def draw(job: Job, *, charts: bool = True) -> dict[str, str]:
     """Return the drawings of a block diagram and of state charts by file name, where there are."""
     from chamfer.analysis.drawing.chart_graph import chart_graph
     from chamfer.analysis.drawing.diagram_graph import diagram_graph
+    from chamfer.analysis.drawing.graph import Graph
     from chamfer.analysis.drawing.mermaid import flowchart, state_diagram
+    from chamfer.analysis.drawing.overview import overview
     from chamfer.analysis.drawing.svg import render
+
+    def drawn(stem: str, graph: Graph, mermaid: str) -> dict[str, str]:
+        shown = overview(graph)  # before the full one, where that is wider than a page
+        first = {f"{stem}{_OVERVIEW}.svg": render(*shown)} if shown else {}
+        return {**first, f"{stem}.svg": render(graph), f"{stem}.mmd": mermaid}
 
     drawings = {}
     if job.experiment.diagram is not None:
         graph = diagram_graph(job.experiment.diagram(job.scenario))
-        drawings = {"diagram.svg": render(graph), "diagram.mmd": flowchart(graph)}
+        drawings = drawn("diagram", graph, flowchart(graph))
     if charts and job.experiment.charts is not None:
         for chart in job.experiment.charts(job.scenario):
             stem = f"chart-{chart.name.replace(' ', '-').replace('/', '-')}"
-            drawings[f"{stem}.svg"] = render(chart_graph(chart))
-            drawings[f"{stem}.mmd"] = state_diagram(chart)
+            drawings |= drawn(stem, chart_graph(chart), state_diagram(chart))
     return drawings
 
 

@@ -32,7 +32,7 @@ _FONT: Final = 0.86  # of a font size that the layout assumes: Matplotlib's font
 _NUMBER: Final = 11.0  # px
 _FEWEST: Final = 4  # nodes in a row
 _ONWARD: Final = "onward"  # a stub for what another row goes on with
-_LEFT_OUT: Final = "what leads to failure alone is drawn only where it was taken"
+_LEFT_OUT: Final = "untaken failure branches are hidden"
 
 
 @dataclass(frozen=True, kw_only=True)

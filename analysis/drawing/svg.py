@@ -27,13 +27,14 @@ _BASELINE: Final = 0.8  # of the font size: the first baseline below the upper e
 _BOX_CORNER: Final = {"state": 12.0, "final": 12.0, "failed": 12.0, "any": 17.0, "source": 21.0}
 
 
-def render(graph: Graph) -> str:
-    """Draw a graph; the SVG document is the same for the same graph."""
-    layout = lay_out(graph)
+def render(graph: Graph, layout: GraphLayout | None = None) -> str:
+    """Draw a graph, by default laid out whole; the SVG document is the same for the same graph."""
+    layout = layout or lay_out(graph)
     size = {"width": layout.width, "height": layout.height}
     box = f"0 0 {_number(layout.width)} {_number(layout.height)}"
     lines = [
         f"<title>{escape(graph.title or 'diagram')}</title>",
+        f"<desc>{escape(_described(layout))}</desc>",
         _tag("rect", **size, fill="white"),
         _text(layout.title, 20.0, 20.0, _INK, anchor="start", font_weight="bold"),
         # Outer frames first, so that an inner one is drawn on top of them.
@@ -49,6 +50,16 @@ def render(graph: Graph) -> str:
     content = "\n".join(["", *filter(None, lines), ""])
     about: _Style = {"xmlns": "http://www.w3.org/2000/svg", **size, "viewBox": box, "role": "img"}
     return _tag("svg", content, **about, font_family=_FONT) + "\n"
+
+
+def _described(layout: GraphLayout) -> str:
+    """Return what is drawn in a sentence, for those who do not see it."""
+    names = [box.node.label for box in layout.boxes if box.node.kind != "port" and box.node.label]
+    chart = any(box.node.kind == "initial" for box in layout.boxes)
+    kind, noun, lines = ("Block diagram", "blocks", "signals")
+    if chart:
+        kind, noun, lines = ("State chart", "states", "transitions")
+    return f"{kind} with {len(names)} {noun} and {len(layout.routes)} {lines}: {', '.join(names)}."
 
 
 def _tag(name: str, content: str = "", /, **attributes: str | float) -> str:
