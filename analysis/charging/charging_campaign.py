@@ -1,4 +1,4 @@
-"""How often a charging cycle keeps each limit where the world is not quite as it is believed.
+"""Shares of randomised charging cycles that keep each limit, without and with remedies.
 
 Cycles are drawn once and run with each remedy, so that remedies are compared on the same ones.
 Shares for conclusions want ``trials=50``.
@@ -49,21 +49,21 @@ _CYCLE: Final = CrucibleChargingScenario(
 
 @dataclass(frozen=True, kw_only=True)
 class SpreadParams:
-    """What is drawn: sizes of the nuggets, and by how much all is off what it is believed to be.
+    """Spread of the random scenarios: sizes of the nuggets, and errors of the beliefs.
 
     Half-widths, all uniform.
     """
 
     joint_friction: float = 0.5  # of each joint's dry friction, relative; assumed
     surface_friction: float = 0.15  # of the coefficients of wall and layer; assumed
-    slip_friction: float = 0.3  # of that with which what lies below is held; assumed
-    bias: float = 1.0  # N, of the force sensor, as its data sheet may have it; assumed
+    slip_friction: float = 0.3  # of the friction below the lower nugget; assumed
+    bias: float = 1.0  # N, of the force sensor, like a data sheet's; assumed
     normal: float = 0.01  # rad, of the wall's lean and of the layer's tilt; assumed
-    believed_mass: float = 0.25  # of what masses of links and items are taken for, relative
-    size: float = 0.05  # of what the scanner takes for a nugget's size, relative; assumed
+    believed_mass: float = 0.25  # of the believed masses of links and items, relative
+    size: float = 0.05  # of the scanned size of a nugget, relative; assumed
     place: float = 0.002  # m, of the crucible's axis along x and y; assumed
     lying_tilt: float = 0.4  # rad, of each nugget that lies in the crucible already; assumed
-    aside: float = 0.3  # of its reach, by which such a one lies along the wall; assumed
+    aside: float = 0.3  # of its reach, offset of such a nugget along the wall; assumed
     masses: tuple[float, ...] = (0.014, 0.028, 0.085, 0.140, 0.185)
     # kg, of which all nuggets of a cycle have one; appendix C; empty: as planned
 
@@ -78,7 +78,7 @@ class SpreadParams:
 
 @dataclass(frozen=True, kw_only=True)
 class RemedyMeans:
-    """What remedies put in."""
+    """Equipment of the remedies."""
 
     compensation: BaseCompensationParams = BaseCompensationParams()
     soft_gripper: GripperCompliance = GripperCompliance(stiffness=300.0, damping=5.0)
@@ -118,7 +118,7 @@ NORMALS: Final = ("wall.normal_error", "crown.normal_error")  # rad
 def with_remedy(
     cycle: CrucibleChargingScenario, remedy: str, means: RemedyMeans
 ) -> CrucibleChargingScenario:
-    """Return a cycle with what a remedy, one of :data:`REMEDIES`, changes of it."""
+    """Return a cycle with the changes of a remedy, one of :data:`REMEDIES`."""
     if remedy in ("decoupling", "all"):
         cycle = replace(cycle, sensor=replace(cycle.sensor, decoupling=True))
     if remedy in ("compensation", "all"):
@@ -145,7 +145,7 @@ class RemedyTrial(NamedTuple):
 def drawn(
     cycle: CrucibleChargingScenario, spread: SpreadParams, seed: int
 ) -> CrucibleChargingScenario:
-    """Return a cycle that is off what it is believed to be, which is left as it is."""
+    """Return a cycle whose true values differ from its beliefs, which stay."""
     rng = np.random.default_rng(seed)
 
     def off(half_width: float) -> float:
@@ -229,7 +229,7 @@ def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progre
 
 
 def _told(cycle: CrucibleChargingScenario) -> tuple[str, ...]:
-    """Return what of a cycle's measurements is told in its row."""
+    """Return those of a cycle's measurements that its row has."""
     limits = [one.metric for one in limits_of(cycle)]
     return (*limits, *(one for one in (*SLIDES, *NORMALS) if one not in limits))
 
@@ -305,7 +305,7 @@ def _metrics(
 
 
 def resolve_campaign(scenario: ChargingCampaignScenario) -> ChargingCampaignScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     with within("cycle"):
         for remedy in scenario.remedies:
             resolve_charging(with_remedy(scenario.cycle, remedy, scenario.means))
@@ -326,7 +326,7 @@ _APART: Final = 0.2  # N of the quill's friction, between remedies of the same c
 
 
 def figures(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw the share of cycles within each limit, and the force on the wall, a colour a remedy.
+    """Draw the share of cycles within each limit, and the force on the wall, by remedy.
 
     The force only where cycles come to slide.
     """

@@ -1,4 +1,4 @@
-"""The figures of a charging cycle: each mode beside its limits, and where all was left."""
+"""The figures of a charging cycle: each mode with its limits, and the final places."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -83,7 +83,7 @@ class ChargingRun(NamedTuple):
 
 
 class ModeRows(NamedTuple):
-    """What an item did in a mode."""
+    """Rows of an item in a mode."""
 
     item: int
     label: str
@@ -97,7 +97,7 @@ def _colour_of(item: int) -> str:
 
 
 def _off_command(traces: Table) -> Array:
-    """Return how far the nugget is from the command, m."""
+    """Return the distance of the nugget from the command, m."""
     away: Array = np.linalg.norm(in_space(traces, "nugget") - in_space(traces, "desired"), axis=1)
     return away
 
@@ -129,7 +129,7 @@ _OUTLINES: Final = 9  # of a nugget along a slew
 
 
 def plot_acquire(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
-    """Draw how the items were picked up."""
+    """Draw the pick-up of the items."""
     traces = run.outcome.traces
     figure = new_figure(10.0, 6.0)
     speed, force = figure.subplots(2, 1, sharex=True)
@@ -154,7 +154,7 @@ def plot_acquire(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 
 
 def plot_scan(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
-    """Draw how the items passed the scanner."""
+    """Draw the items' passes over the scanner."""
     traces = run.outcome.traces
     figure = new_figure(10.0, 6.0)
     speed, error = figure.subplots(2, 1, sharex=True)
@@ -194,7 +194,7 @@ def plot_scan(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 
 
 def plot_slew(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
-    """Draw how the items were slewed into the crucible."""
+    """Draw the items' slews into the crucible."""
     traces = run.outcome.traces
     figure = new_figure(10.0, 6.0)
     error, side = figure.subplots(2, 1, height_ratios=(1.3, 1.0))
@@ -242,7 +242,7 @@ def plot_slew(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 
 
 def plot_wall(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
-    """Draw how items were laid at the wall."""
+    """Draw the laying of items at the wall."""
     traces = run.outcome.traces
     figure = new_figure(11.0, 9.0)
     speed, force, layer, shift = figure.subplots(
@@ -286,7 +286,7 @@ def plot_wall(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 
 
 def plot_crown(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
-    """Draw how items were laid on the crown."""
+    """Draw the laying of items on the crown."""
     traces = run.outcome.traces
     figure = new_figure(11.0, 7.0)
     error, layer, shift = figure.subplots(3, 1, sharex=True)
@@ -309,7 +309,7 @@ def plot_crown(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 
 
 def plot_bulk(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
-    """Draw where the bulk loads and all other items went."""
+    """Draw the places of the bulk loads and all other items."""
     traces = run.outcome.traces
     figure = new_figure(10.0, 4.0)
     _panel(
@@ -326,7 +326,7 @@ def plot_bulk(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 def _laid(
     layer: Axes, shift: Axes, run: ChargingRun, shown: Sequence[ModeRows], mode: str
 ) -> None:
-    """Draw how an item meets the layer, and how far it pushes it."""
+    """Draw an item's force on the layer, and the layer's shift."""
     traces = run.outcome.traces
     letters = "cd" if mode == "wall" else "bc"
     _panel(
@@ -349,7 +349,7 @@ def _laid(
 
 
 def plot_landscape(run: ChargingRun) -> Figure | None:
-    """Draw how nuggets followed what lies below them; None if none did."""
+    """Draw the nuggets that followed the one below; None if none did."""
     shown = [
         part
         for kind in ("wall", "crown")
@@ -398,7 +398,7 @@ def plot_landscape(run: ChargingRun) -> Figure | None:
 
 
 def plot_places(scenario: ResolvedCrucibleChargingScenario, outcome: Outcome) -> Figure | None:
-    """Draw the crucible from above with what was left where; None if nothing was taken up."""
+    """Draw the crucible from above with the laid items; None if none was picked up."""
     traces, station = outcome.traces, scenario.station.true
     nugget = MM * in_space(traces, "nugget")
     held = [
@@ -451,7 +451,7 @@ _MODES: Final = {
 def plot_charging(
     scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
 ) -> dict[str, Figure]:
-    """Draw each mode that the run came to, and where all items were left.
+    """Draw each mode that the run reached, and the final places of the items.
 
     ``states`` are the chart's by their index in the traces; each name begins with its mode and a
     point.
@@ -490,7 +490,7 @@ _MOST: Final = 2  # numbers at a line; a transition is taken with each item
 
 
 def plot_path(chart: ChargingChart, outcome: Outcome) -> Figure:
-    """Draw the chart and what a run took of it, by its table ``transitions``."""
+    """Draw the chart and a run's path through it, from its table ``transitions``."""
     names = [*chart.state_names, ANY]
     mode = {name: name.partition(".")[0] for name in names}
     path = outcome.tables["transitions"]

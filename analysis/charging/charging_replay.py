@@ -1,4 +1,4 @@
-"""A charging cycle in three dimensions: arm and nuggets as they truly were."""
+"""A charging cycle in three dimensions: the true poses of arm and nuggets."""
 
 import math
 from typing import Final
@@ -50,7 +50,7 @@ def replay_charging(
 
 
 def nugget_poses(scenario: ResolvedCrucibleChargingScenario, traces: Table) -> Array:
-    """Return where each nugget is, shape (rows, items, POSE).
+    """Return the pose of each nugget, shape (rows, items, POSE).
 
     It waits at the feeder, moves up while the arm is away, goes with the gripper while it is
     held, and falls from where it was let go onto what is below, as it comes to lie there. One that
@@ -93,7 +93,7 @@ def _served(time: Array, item: Array, held: Array, items: int) -> Array:
 
 
 def _below(station: Station, goal: ItemPlace, place: Array) -> float:
-    """Return the height, m, of what is below a place in the world, m, shape (2,)."""
+    """Return the height, m, of the surface below a place in the world, m, shape (2,)."""
     if math.dist(place, goal.position) < _NEAR:
         return goal.layer
     if math.dist(place, station.crucible_centre) < station.crucible_radius:

@@ -1,4 +1,4 @@
-"""Runs of the loop that charges a crucible, and what section 1.1.2 asks of them, item by item."""
+"""Runs of the loop that charges a crucible, and the limits of section 1.1.2 for each item."""
 
 import itertools
 import math
@@ -32,7 +32,7 @@ _FAR: Final = 1.0  # m, gap to what is not there
 
 
 class ChargingRun(NamedTuple):
-    """What a run did."""
+    """Result of a run."""
 
     traces: dict[str, Array]
     transitions: dict[str, NDArray[Any]]  # time s, source, target, label, item; one row each
@@ -81,7 +81,7 @@ def run_charging(
 
 
 def traces_of(scenario: ResolvedCrucibleChargingScenario, run: Run) -> dict[str, Array]:
-    """Return what a run of the loop with a resolved scenario put out as columns.
+    """Return the outputs of a run of the loop with a resolved scenario as columns.
 
     One row a period: ``time`` s; ``state``, index in the chart, ``mode`` of the hybrid
     controller, ``item``, ``grip``, ``held``, ``scene``, ``finished``; the endpoint's coordinates
@@ -120,7 +120,7 @@ def traces_of(scenario: ResolvedCrucibleChargingScenario, run: Run) -> dict[str,
 def _contacts(
     scenario: ResolvedCrucibleChargingScenario, outputs: dict[str, Array]
 ) -> dict[str, Array]:
-    """Return what happens at feeder, wall and layer."""
+    """Return the contacts at feeder, wall and layer."""
     item = outputs["item"].astype(int)
     carries = outputs["scene"].astype(int) % 2 == 1
     azimuth = np.array([one.azimuth for one in scenario.plan])[item]
@@ -145,7 +145,7 @@ def _contacts(
 def _normals(
     scenario: ResolvedCrucibleChargingScenario, outputs: dict[str, Array]
 ) -> dict[str, Array]:
-    """Return the normal of what lies below: as it is taken to be, and where it is met as it is."""
+    """Return the normal below: the believed one, and the true one where it is touched."""
     surfaces = [scene.points[-1].surface for scene in make_scenes(scenario)]
     size = len(CONTACT_SIGNALS)
     gap, place = (outputs[name][:, size * _LAYER :] for name in ("contact", "tip"))
@@ -216,17 +216,17 @@ def limits_in(plan: Sequence[PlanItem]) -> dict[str, tuple[str, Worst]]:
 
 
 class Item(NamedTuple):
-    """An item of the plan, as it is, and where it was to go."""
+    """A true item of the plan, and its desired place."""
 
     kind: str
     nugget: Nugget
     goal: tuple[float, float, float]  # m, of the middle of its top at rest
     azimuth: float  # rad
-    laid: tuple[LaidNugget, ...] = ()  # what lies in the crucible by then
+    laid: tuple[LaidNugget, ...] = ()  # nuggets in the crucible by then
 
 
 def items_of(scenario: ResolvedCrucibleChargingScenario) -> tuple[Item, ...]:
-    """Return a resolved scenario's items as they are."""
+    """Return a resolved scenario's true items."""
     goals = scenario.places(believed=False)
     return tuple(
         Item(
@@ -243,7 +243,7 @@ def items_of(scenario: ResolvedCrucibleChargingScenario) -> tuple[Item, ...]:
 def item_limits(
     traces: Table, names: Sequence[str], item: Item, index: int, station: Station
 ) -> dict[str, float]:
-    """Measure one item's cycle; what its run did not come to is missing.
+    """Measure one item's cycle; measurements that its run did not reach are missing.
 
     ``names`` are those of the chart's states by their index in the traces; item and station are
     as they are.
@@ -362,7 +362,7 @@ def clearance(points: Array, station: Station) -> float:
 
 
 def _begins(mask: Mask) -> float:
-    """Return how often something begins."""
+    """Return how often a condition becomes true."""
     return float(np.sum(np.diff(mask.astype(int)) == 1))
 
 

@@ -32,7 +32,7 @@ _PLACES: Final = tuple(f"{kind}.position_error" for kind in ("wall", "crown", "b
 def measure(
     scenario: ResolvedCrucibleChargingScenario, run: ChargingRun
 ) -> tuple[dict[str, float], ...]:
-    """Return what was measured of each item of the plan."""
+    """Return the measurements of each item of the plan."""
     names = chart_of(scenario).state_names
     return tuple(
         item_limits(run.traces, names, item, index, scenario.station.true)
@@ -56,7 +56,7 @@ def worst(plan: Sequence[PlanItem], items: tuple[Mapping[str, float], ...]) -> d
 
 
 def placed(items: tuple[Mapping[str, float], ...]) -> int:
-    """Return how many items were set down where they should be; the chart can't know that."""
+    """Return the number of items at their true places; the chart can't know that."""
     errors = [value for item in items for name, value in item.items() if name in _PLACES]
     return sum(value <= NEAR for value in errors)
 

@@ -1,4 +1,4 @@
-"""Force and position over time, as the thesis draws them, with published values and limits."""
+"""Force and position over time, like the thesis' figures, with published values and limits."""
 
 from collections.abc import Sequence
 from functools import partial

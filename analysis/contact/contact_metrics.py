@@ -1,4 +1,4 @@
-"""What an engineer reads off a run in contact, and how stable its loop is."""
+"""Metrics of a run in contact, and of its loop's stability."""
 
 from typing import Final
 
@@ -99,7 +99,7 @@ def contact_metrics(
 
 
 def contact_kept(traces: Table, after: float, kick: float | None) -> dict[str, float | None]:
-    """Measure how contact is kept from the first touch on; None without one.
+    """Measure the share of contact from the first touch on; None without one.
 
     What a blow takes off until it touches again is planned and does not count; what never touches
     again, and bounces before and after, do. ``contact.losses`` are those of true contact, also
@@ -176,7 +176,7 @@ def _growth_metric(growth: float, where: str) -> Metric:
 
 
 def mean_over_seeds(values: np.ndarray, unit: str, undefined: str) -> Metric:
-    """Return a measured value's mean and range, or why it is undefined if one is not finite."""
+    """Return a measured value's mean and range, or the reason if one is not finite."""
     if not np.all(np.isfinite(values)):
         return Metric(value=None, unit=unit, note=undefined)
     note = f"mean of {len(values)} seeds, {values.min():.4g} to {values.max():.4g}"

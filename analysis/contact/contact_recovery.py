@@ -1,4 +1,4 @@
-"""Section 2.1.4: lost contact with and without the mode that seeks it slowly."""
+"""Section 2.1.4: lost contact with and without the mode that searches it slowly."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -38,7 +38,7 @@ _BOUNCING = 12.0  # s, longest run without the loss mode
 
 
 class RecoveryRun(NamedTuple):
-    """One of the runs that are compared."""
+    """One of the compared runs."""
 
     name: str
     scenario: PlanarLoop
@@ -53,7 +53,7 @@ def _tasks(scenario: PlanarLoop) -> list[RecoveryRun]:
 
 
 def make_loops(scenario: PlanarLoop) -> list[Diagram]:
-    """Return the loops as they are run."""
+    """Return the resolved loops of the comparison."""
     return [make_hybrid_diagram(task.scenario) for task in _tasks(scenario)]
 
 

@@ -84,7 +84,7 @@ def measure(scenario: HybridScenario, traces: Traces) -> dict[str, float | None]
 
 
 def run_trials(scenario: HybridTrials, seed: int, progress: Progress) -> Outcome:
-    """Run a scenario with as many seeds as it asks for; the traces are of the first."""
+    """Run a scenario with each of its seeds; the traces are of the first."""
     finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
     first = finished.tasks[0]
     return Outcome(

@@ -1,4 +1,4 @@
-"""Sections 3.2.4 and 3.3: what the remedies that the thesis proposes would buy."""
+"""Sections 3.2.4 and 3.3: benefit of the remedies that the thesis proposes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -71,7 +71,7 @@ def _with_friction(part: float, test: AdeptLoop, _: RemediesScenario) -> AdeptLo
 
 
 def _rubber(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
-    """Cover the surface. The nugget's force then swings but for the joints that stick."""
+    """Cover the surface. The nugget's force then oscillates, except where joints stick."""
     stiffness, damping = test.surface.stiffness / _RUBBER, test.surface.damping / _RUBBER
     return replace(
         test,
@@ -171,7 +171,7 @@ def _remedied(test: AdeptLoop, changes: Sequence[Change], scenario: RemediesScen
 
 
 def resolve_friction_remedies(scenario: RemediesScenario) -> RemediesScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     for name, test in (("roller", scenario.roller), ("nugget", scenario.nugget)):
         for changes in REMEDIES.values():
             with within(name):
@@ -194,7 +194,7 @@ _LABELS: Final = {
 
 
 def figures(_: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw force deviation and position error for each test and remedy, a dot a seed."""
+    """Draw force deviation and position error for each test and remedy, a dot for each seed."""
     gain = [metric_value(outcome.metrics, f"{test}.none.force.true_deviation") for test in TESTS]
     figure = new_figure(
         height=7.6,

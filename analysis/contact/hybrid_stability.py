@@ -1,4 +1,4 @@
-"""Where in the workspace the hybrid laws are kinematically unstable, and what the loop bears."""
+"""Kinematic instability of the hybrid laws over the workspace, and the loop's margins."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 
 
 def smooth(scenario: HybridScenarioT) -> HybridScenarioT:
-    """Return a scenario that holds its place, without dry friction, noise and coarseness."""
+    """Return a scenario that holds its place, without dry friction, noise and quantisation."""
     friction = scenario.arm.joint_friction
     still = replace(friction, coulomb=(0.0,) * len(friction.coulomb))
     return replace(
@@ -67,7 +67,7 @@ _SETTLED: Final = 2.0  # s after the time of the contact
 
 
 def margin_metrics(name: str, loop: PlanarLoop) -> dict[str, Metric]:
-    """Return growth in contact and margins of a loop, stable or not, and growth a sample late."""
+    """Return growth in contact and a sample late, and margins, of any loop."""
     found = stability(loop)
     late = replace(loop.controller, computation_delay=loop.controller.period)
     worst = max(one.growth_rate() for one in linear_loops(replace(loop, controller=late)))
@@ -114,12 +114,12 @@ def _table(names: tuple[str, ...], rows: Sequence[tuple[float, ...]]) -> Table:
 
 
 def _clipped(growth: float) -> float:
-    """Return 0 for what is a neutral pole in floating point."""
+    """Return 0 for a growth that is a neutral pole in floating point."""
     return growth if growth > NEUTRAL else 0.0
 
 
 def poles(loop: PlanarLoop) -> tuple[Table, Metric]:
-    """Return poles in contact, of the linear loop and of its diagram, and how far they are apart.
+    """Return poles in contact, of the linear loop and of its diagram, and their distance.
 
     The table has ``model``, 1 for those of the linear loop and 0 for those of the diagram,
     ``real`` and ``imaginary``.
@@ -171,7 +171,7 @@ def _gains(of: HybridGains) -> dict[str, object]:
 
 @dataclass(frozen=True, kw_only=True)
 class HybridStabilityScenario:
-    """What the planar loop's stability depends on, and the grid over its workspace.
+    """Parameters of the planar loop's stability, and the grid over its workspace.
 
     The laws are compared with the same gains.
     """
@@ -193,7 +193,7 @@ class HybridStabilityScenario:
 
     @property
     def gain_sets(self) -> dict[str, PlanarLoop]:
-        """The loops that are compared."""
+        """The compared gains."""
         elbow, law = CASES[0]
         return {"chapter 2": self.loop(elbow, law), "late": self.loop(elbow, law, self.late)}
 
@@ -263,7 +263,7 @@ def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progre
 
 
 class _Loop:
-    """A loop with all that does not depend on the pose."""
+    """A loop with all quantities that do not depend on the pose."""
 
     def __init__(self, loop: PlanarLoop) -> None:
         self._loop = loop
@@ -294,7 +294,7 @@ class _Loop:
 
 
 def resolve_hybrid_stability(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     with within("late"):
         scenario.late.for_joints(_PLANAR.ARM.num_joints)
     try:

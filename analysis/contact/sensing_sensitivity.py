@@ -1,4 +1,4 @@
-"""What each imperfection of sensors and computer costs the loops, alone and all together.
+"""Cost of each imperfection of sensors and computer, alone and all together.
 
 What is asked of detection, no false contact in 100 runs of 15 s at three times the noise, is of
 ``approaches=100``, some six CPU minutes; 8 ``trials`` take ten.
@@ -57,7 +57,7 @@ _APPROACH: Final = AdeptLoop(
 
 @dataclass(frozen=True, kw_only=True)
 class SensitivityScenario:
-    """The loops with their sensors and computers as they are, and an approach in noise."""
+    """The loops with realistic sensors and computers, and an approach in noise."""
 
     planar: PlanarLoop = _PLANAR  # slides, Fig. 2-6
     puma: PumaLoop = _PUMA  # presses its roller, Fig. 3-5
@@ -178,14 +178,14 @@ def _run_task(scenario: SensitivityScenario, seed: int, task: SensingTrial) -> R
 
 
 def contacts_in_air(traces: Traces) -> int:
-    """Return how often the mode changes to contact without there having been a force."""
+    """Return how often the mode changes to contact without a force."""
     made = np.flatnonzero((traces["mode"][1:] == 1) & (traces["mode"][:-1] != 1)) + 1
     touched = np.maximum.accumulate(traces["peak_force"] > 0)
     return int(np.sum(~touched[made]))
 
 
 def latency(traces: Traces, level: float) -> float | None:
-    """Return how late contact was found after the force passed a level, s; None if it was not.
+    """Return the delay of detection after the force passed a level, s; None without one.
 
     At most: the force may have passed it just after the row before.
     """
@@ -224,7 +224,7 @@ def _detection(found: Mapping[str, np.ndarray]) -> dict[str, Metric]:
 
 
 def resolve_sensing_sensitivity(scenario: SensitivityScenario) -> SensitivityScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     found: dict[str, Any] = {}
     for name in (*LOOPS, "approach"):
         with within(name):
@@ -302,7 +302,7 @@ def _bars(axes: Axes, values: np.ndarray, which: np.ndarray, color: str) -> None
 
 
 def _say(axes: Axes, measured: Mapping[str, np.ndarray], which: np.ndarray) -> None:
-    """Write which loops are unstable and diverge, and where contact is lost unlike the ideal."""
+    """Write the unstable loops that diverge, and where contact is lost unlike the ideal."""
     ideal = measured["losses"][which == 0]
     for row in np.unique(which):
         diverged, growth, lost = (measured[name][which == row] for name in _SAID)

@@ -27,7 +27,7 @@ _WRIST = 3  # joint index
 
 
 def run_contention(scenario: AdeptScenario, seed: int, progress: Progress) -> Outcome:
-    """Run the scenario as it is, and with the wrist's integrator off while in contact."""
+    """Run the scenario unchanged, and with the wrist's integrator off while in contact."""
     on = run_trials(scenario, seed, lambda done, doing="": progress(done / 2, doing))
     off = run_trials(_held(scenario), seed, lambda done, doing="": progress(0.5 + done / 2, doing))
     ratio = _ratio(on.metrics["force.deviation"], off.metrics["force.deviation"])
@@ -48,7 +48,7 @@ def _held(scenario: AdeptScenario) -> AdeptScenario:
 
 
 def make_loops(scenario: AdeptScenario) -> tuple[Diagram, ...]:
-    """Return the loops as they are run."""
+    """Return the resolved loops of the comparison."""
     return make_hybrid_diagram(scenario), make_hybrid_diagram(_held(scenario))
 
 

@@ -1,1 +1,1 @@
-"""What a log of a robot tells of its sensor, tool, impedance, contact and joints."""
+"""Identification of sensor, tool, impedance, contact and joints from a robot's log."""

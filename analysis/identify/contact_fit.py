@@ -1,4 +1,4 @@
-"""What a log tells of contact: the sensor's rotation, friction, stiffness, how many contacts."""
+"""Identification of contact: the sensor's rotation, friction, stiffness, contacts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ _ROTATION: Final = ("sensor.rotation", *(f"sensor.rotation.{axis}" for axis in "
 
 @dataclass(frozen=True, kw_only=True)
 class Touched:
-    """What the rows in contact tell; n rows of the motion."""
+    """Result of the rows in contact; n rows of the motion."""
 
     quantities: dict[str, Quantity]
     force: Array  # (n, 3), N, of the surface on the tool, fixed axes
@@ -47,7 +47,7 @@ class Touched:
 
 
 def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
-    """Return what contact tells.
+    """Return the quantities that contact determines.
 
     Raises:
         UserError: If a mirrored sensor fits, and no rotation does.
@@ -121,7 +121,7 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
 
 
 def _nothing(note: str) -> dict[str, Quantity]:
-    """Return what only sliding tells, untold."""
+    """Return the quantities that only sliding determines, as unknown."""
     told = {"friction": unknown("", note), "contact.stiffness": unknown("N/m", note)}
     return told | {name: unknown("rad", note) for name in _ROTATION}
 
@@ -149,7 +149,7 @@ def _cone(surface: Surface, sums: Sequence[Array], **options: float) -> Cone:
 def _best_axes(
     surface: Surface, way: Array, unit: Array, motion: Motion, used: Rows
 ) -> tuple[Rotation | None, Cone, tuple[Array, ...]]:
-    """Return the turning axes in which the sensor is turned, the fit, and its sums over blocks.
+    """Return the axes in which the sensor is rotated, the fit, and its sums over blocks.
 
     They are the tool's, unless fixed axes (None) fit better by more than chance. ``way`` and
     ``unit``, (m, 3), are directions of sliding and force, the latter 0 where nothing slides.

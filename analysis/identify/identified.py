@@ -1,4 +1,4 @@
-"""What a log of a robot tells, each quantity with its 95 % interval."""
+"""Quantities that a robot's log determines, each with its 95 % interval."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -26,10 +26,10 @@ __all__ = ["Identification", "Quantity", "identify"]
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:
-    """What a log tells."""
+    """Quantities from a log, and their residuals."""
 
     quantities: dict[str, Quantity]
-    residuals: tuple[Residual, ...]  # what the fits leave over
+    residuals: tuple[Residual, ...]  # of the fits
 
     def figures(self) -> Mapping[str, Figure]:
         """Return the residuals of the fits as figures."""
@@ -37,9 +37,9 @@ class Identification:
 
 
 def identify(log: Log, *, told_stiffness: float | None = None) -> Identification:
-    """Return what the log tells, and of what it can't tell the reason. Nothing is random.
+    """Return the quantities, or the reason why one is unknown. Nothing is random.
 
-    ``told_stiffness``, N/m, is what the impedance was set to, if that is known: it tells the unit
+    ``told_stiffness``, N/m, is the impedance's setting, if that is known: it determines the unit
     of the forces.
 
     Raises:
@@ -75,7 +75,7 @@ def identify(log: Log, *, told_stiffness: float | None = None) -> Identification
 
 
 def _sense(log: Log) -> tuple[Sensed, Motion | None, Touched | None]:
-    """Return what the forces tell, in those of the two axes that they may be in that fit better.
+    """Return the result of the forces, in those of the two possible axes that fit better.
 
     Where the tool hardly turns both fit; then those are the axes that a sensor is turned less in.
     """

@@ -1,4 +1,4 @@
-"""What a log tells as a scenario of the insertion: its fields, and the rest as comments."""
+"""A scenario of the insertion from a log: its fields, and the rest as comments."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -47,14 +47,14 @@ def fragment_text(found: Mapping[str, Quantity], cell: str, *, of: str) -> str:
     said = {name: f"# {_said(name, one)}" for name, one in found.items()}
     lines += [text for name, text in said.items() if name in used]
     lines += [(block(plain) or "{}\n") + "#"]
-    lines += ["# No field of the cell has these, or the log does not tell them."]
+    lines += ["# No field of the cell has these, or the log does not determine them."]
     return "\n".join([*lines, *(text for name, text in said.items() if name not in used)]) + "\n"
 
 
 def _said(name: str, one: Quantity) -> str:
     note = f"; {' '.join(one.note.split())}" if one.note else ""
     if one.value is None:
-        return f"{name}: not told{note}"
+        return f"{name}: unknown{note}"
     return (
         f"{name}: {number(one.value)} {one.unit} ({number(one.low)} to {number(one.high)}){note}"
     )
@@ -83,7 +83,7 @@ def _fields(found: Mapping[str, Quantity], takes_positions: bool) -> Iterator[_F
         springs = [told.get(name, _STIFFNESS) for name in stiffness]
         note = "; along the base's axes, x is the peg's way"
         if not told.keys() >= set(stiffness):
-            note += f"; {_STIFFNESS:g} N/m, the cell's own, where the log does not tell"
+            note += f"; {_STIFFNESS:g} N/m, the cell's own, where the log gives none"
         yield _Field("impedance.stiffness", springs, stiffness, (10.0, 5e4), note)
     for kind, path in (("coulomb", "joint_friction"), ("viscous", "joint_damping")):
         sides = [f"joint_friction.{kind}_{side}" for side in ("plus", "minus")]

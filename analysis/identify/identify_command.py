@@ -80,7 +80,7 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
         told = {name for name, one in found.quantities.items() if one.value is not None}
         if not told - {"contacts"}:
             reasons = dict.fromkeys(one.note for one in found.quantities.values())
-            raise UserError(f"it tells nothing: {', '.join(reasons)}")
+            raise UserError(f"it determines nothing: {', '.join(reasons)}")
     except UserError as error:
         if is_new:
             out.rmdir()
@@ -115,7 +115,7 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
 
 
 def _lines(document: Mapping[str, Any]) -> list[str]:
-    """Return a line a quantity that is told, and then what is to be said, once each."""
+    """Return a line for each known quantity, and then the remarks, once each."""
     from chamfer.analysis.report.check_text import number
     from chamfer.analysis.report.console import table
 

@@ -1,4 +1,4 @@
-"""What a log tells of the arm's impedance: stiffness, damping, delay.
+"""Identification of the arm's impedance: stiffness, damping, delay.
 
 The law K (x0 - x) + F = D v + M a + C v/|v|, F of the surface on the tool, C the friction that
 the arm has itself, is fitted as displacement on force and motion: the force is what is measured
@@ -45,7 +45,7 @@ _UNITS: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class Impedance:
-    """What is known of the impedance."""
+    """Identified impedance."""
 
     quantities: dict[str, Quantity]
     residual: Array | None = None  # (n, 3), m, of the displacement; None: nothing was fitted
@@ -54,7 +54,7 @@ class Impedance:
 def fit_impedance(
     motion: Motion, touched: Touched, sensed: Sensed, told: float | None
 ) -> Impedance:
-    """Return the impedance; without contact the motion tells the delay and no stiffness.
+    """Return the impedance; without contact the motion determines only the delay.
 
     ``told``, N/m, is the stiffness that was set: it tells the unit of the forces.
     """
@@ -128,7 +128,7 @@ def _at(values: Array, delay: float) -> Array:
 
 
 def _lowest(costs: Array) -> float:
-    """Return the delay, s, of the least cost, (delays,), between those that were tried."""
+    """Return the delay, s, of the least cost, (delays,), interpolated between those tried."""
     i = int(np.argmin(costs))
     if i in (0, len(costs) - 1):
         return float(_DELAYS[i])
@@ -173,10 +173,12 @@ def _delay(found: Estimate, i: int, note: str = "") -> Quantity:
 
 
 def _unit(quantities: dict[str, Quantity], told: float | None) -> Quantity:
-    """Return the factor to newton that makes the best known stiffness the one that was told."""
+    """Return the factor to newton that makes the best known stiffness the one that was set."""
     known = [q for name, q in quantities.items() if name.startswith("stiff") and q.value]
     if told is None or not known:
-        return unknown("", "nothing in the log tells it: forces and stiffness scale with it")
+        return unknown("", "the log does not determine it: forces and stiffness scale with it")
     best = min(known, key=lambda q: (q.high or 0.0) / (q.low or 1.0))
     value, low, high = (told / (one or np.nan) for one in (best.value, best.high, best.low))
-    return Quantity(value, low, high, "", f"inferred from the told stiffness of {told:g} N/m")
+    return Quantity(
+        value, low, high, "", f"inferred from the stiffness that was set, {told:g} N/m"
+    )

@@ -1,4 +1,4 @@
-"""What a log of joints tells of their friction, each direction by itself.
+"""Identification of joint friction, each direction by itself.
 
 Assumed: a joint's torque is friction, c+ + b+ w forward and -c- + b- w backward, gravity of this
 joint alone, a1 cos q + a2 sin q, and a constant inertia; the torque has no offset, which would be
@@ -29,7 +29,7 @@ _UNITS: Final = ("N m", "N m", "N m s/rad", "N m s/rad")
 
 
 def fit_joints(log: Log) -> tuple[dict[str, Quantity], Mapping[int, Array]]:
-    """Return the friction of each joint, counted from 1, and what is left of its torque, N m."""
+    """Return the friction of each joint, counted from 1, and its torque's residual, N m."""
     told: dict[str, Quantity] = {}
     left: dict[int, Array] = {}
     if log.joint_position is None or log.joint_torque is None:

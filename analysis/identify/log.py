@@ -1,4 +1,4 @@
-"""A log of a robot as arrays, in SI units, and the files that it may come from."""
+"""A log of a robot as arrays, in SI units, and the reader of its files."""
 
 import math
 import warnings
@@ -37,7 +37,7 @@ _CLIPPED: Final = 0.002  # share of the rows, and ten at least, in which a force
 
 @dataclass(frozen=True, kw_only=True)
 class Log:
-    """What was recorded, n rows; None: it was not.
+    """Recorded quantities, n rows; None: not recorded.
 
     Forces are those of the surface on the tool, in the axes in which they were recorded: the
     sensor's (``wrench_axes="tool"``: they turn with the tool) or fixed ones (``"base"``).
@@ -61,7 +61,7 @@ class Log:
         return float(np.median(np.diff(self.time)))
 
     def quantities(self) -> dict[str, Array]:
-        """Return what was recorded by name."""
+        """Return the recorded quantities by name."""
         return {name: of for name in QUANTITIES if (of := getattr(self, name)) is not None}
 
 
@@ -147,7 +147,7 @@ def _array(quantity: str, columns: list[_Column], said: Chosen, path: Path) -> A
         if len(columns) != 4 or quantity != "rotation":
             scale = factor(quantity, said.unit or one.unit, path)
             if one.unit and scale != factor(quantity, one.unit, path):
-                told = f"{one.name} says {one.unit}, it is taken to be {said.unit}"
+                told = f"{one.name} has the unit {one.unit} in its title; {said.unit} is used"
                 warnings.warn(told, stacklevel=2)
         arrays.append(scale * values)
     if len(rows := {len(one) for one in arrays}) > 1:
@@ -182,7 +182,7 @@ def _require_times(time: Array, path: Path) -> None:
 
 
 def _require_likely(arrays: Mapping[str, Array], path: Path) -> None:
-    """Refuse what can only be meant in another unit, and a sensor at its limit."""
+    """Refuse values that must be in another unit, and a sensor at its limit."""
     for name, (limit, unit) in _FARTHEST.items():
         values = arrays.get(name, np.zeros((1, 1)))
         most = np.abs(np.linalg.norm(values, axis=1) if name == "rotation" else values).max()
@@ -211,7 +211,7 @@ def _require_likely(arrays: Mapping[str, Array], path: Path) -> None:
 
 
 def _rows_at_limit(values: Array, limit: float) -> int:
-    """Return in how many rows a channel is at its limit, 0 if it may well be none.
+    """Return the number of rows with a channel at its limit, 0 if that may be no limit.
 
     What a channel reads at rest, or one of few levels, is no limit: it is reached in leaps of
     more than a few levels, and is half of the largest reading at least.

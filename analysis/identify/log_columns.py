@@ -1,4 +1,4 @@
-"""Which columns of a file hold which quantity of a log, and in which unit.
+"""Assignment of a file's columns to the quantities of a log, with units.
 
 A quantity has a column an element, such as ``force_x``, ``force[0]`` or ``Fx``; others are named:
 ``force=load1,load2,load3:lbf``. A name may also be that of ``name[0]``, ``name[1]`` and so on, of
@@ -17,7 +17,7 @@ from chamfer.analysis.scenario.errors import UserError, valid_name
 
 
 class Kind(NamedTuple):
-    """What a quantity is made of."""
+    """Kind of a quantity: its columns and unit."""
 
     unit: str  # in a Log
     stems: tuple[str, ...]  # with which its columns' titles begin, in any case
@@ -52,14 +52,14 @@ _MOST_SHOWN: Final = 24  # columns of a file, in a message
 
 
 class Chosen(NamedTuple):
-    """The columns of a quantity, and its unit if it was said."""
+    """The columns of a quantity, and its unit if one was given."""
 
     columns: tuple[str, ...]
     unit: str = ""
 
 
 def parse_columns(texts: Sequence[str]) -> dict[str, Chosen]:
-    """Return by quantity what ``--columns`` says; a mistake in it is a UserError."""
+    """Return the columns of ``--columns`` by quantity; a mistake in it is a UserError."""
     found: dict[str, Chosen] = {}
     for text in texts:
         name, _, said = text.partition("=")
@@ -83,7 +83,7 @@ def _range(name: str) -> list[str]:
 
 
 def factor(quantity: str, unit: str, where: object) -> float:
-    """Return what a unit is in that of a log, 1 if there is none; an unknown one is refused."""
+    """Return a unit's factor to that of a log, 1 if there is none; refuse an unknown one."""
     units = UNITS[QUANTITIES[quantity].unit]
     plain = re.sub(r"[\s*.]", "", unit)
     for name, value in units.items():

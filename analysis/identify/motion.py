@@ -1,4 +1,4 @@
-"""The signals of a log, smoothed alike, so that what is linear between them stays so."""
+"""The signals of a log, smoothed alike, so that linear relations between them hold."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class Motion:
     time: Array  # (n,), s
     period: float  # s, from row to row
     row: float  # s, the same of the log
-    quieter: float  # what smoothing leaves of white noise
+    quieter: float  # share of white noise that smoothing leaves
     position: Array  # (n, 3), m
     velocity: Array  # (n, 3), m/s
     acceleration: Array  # (n, 3), m/s^2
@@ -36,7 +36,7 @@ class Motion:
     turn: Rotation | None  # n rotations
 
     def moves(self, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Tell of each row whether the tool has a way, there and just before and after."""
+        """Return for each row whether the tool moves, there and just before and after."""
         speed = np.linalg.norm(self.velocity, axis=1)
         steady = speed > _SLOW * np.sqrt(np.mean(speed[among] ** 2))
         return binary_erosion(steady, iterations=max(1, round(3 * _SMOOTH / self.period)))

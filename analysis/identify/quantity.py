@@ -1,4 +1,4 @@
-"""What a log tells of one thing, with a 95 % interval that knows that samples are correlated.
+"""A quantity from a log, with a 95 % interval that accounts for correlated samples.
 
 Every estimate is a function of sums over rows. The sums are kept for consecutive blocks of the
 log, each much longer than what correlates in it, and the estimate's covariance comes from
@@ -19,7 +19,7 @@ _RIDGE: Final = 1e-12  # of a column's squares, so that columns may be alike
 
 
 class Quantity(NamedTuple):
-    """A value and its 95 % interval; None: the log can't tell it, and the note says why."""
+    """A value and its 95 % interval; None: unknown, for the reason in the note."""
 
     value: float | None
     low: float | None
@@ -29,12 +29,12 @@ class Quantity(NamedTuple):
 
 
 def unknown(unit: str, note: str) -> Quantity:
-    """Return what can't be told, and why."""
+    """Return an unknown quantity with the reason."""
     return Quantity(None, None, None, unit, note)
 
 
 class Estimate(NamedTuple):
-    """Values, (k,), their covariance, (k, k), and how many blocks it comes from."""
+    """Values, (k,), their covariance, (k, k), and the number of blocks behind it."""
 
     values: Array
     covariance: Array
@@ -55,7 +55,7 @@ class Estimate(NamedTuple):
         return Quantity(value, value - half, value + half, unit, note)
 
     def length(self, unit: str, note: str = "") -> Quantity:
-        """Return the length of three values taken as a vector; from 0 if they may all be 0."""
+        """Return the length of three values as a vector; from 0 if all may be 0."""
         length = float(np.linalg.norm(self.values))
         along = self.values / max(length, 1e-300)
         free = self.blocks - 3
@@ -75,7 +75,7 @@ def in_blocks(rows: Array, blocks: int = BLOCKS) -> Array:
 
 
 def jackknife(statistic: Callable[..., Array], *sums: Array) -> Estimate:
-    """Return what a statistic, (k,), of total sums is; the sums are those of blocks."""
+    """Return a statistic, (k,), of total sums; the sums are those of blocks."""
     totals = [np.asarray(s.sum(axis=0)) for s in sums]
     left_out = zip(*sums, strict=True)
     values = np.array(

@@ -1,4 +1,4 @@
-"""What the fits to a log leave over, over time."""
+"""Residuals of the fits to a log, over time."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from chamfer.analysis.identify.quantity import Array
 
 
 class Residual(NamedTuple):
-    """What a fit leaves over."""
+    """Residual of a fit."""
 
     title: str
     unit: str

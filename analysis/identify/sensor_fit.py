@@ -1,4 +1,4 @@
-"""What the free part of a log tells of the sensor and its tool: offset, drift, noise, weight."""
+"""Identification of sensor and tool without contact: offset, drift, noise, weight."""
 
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -33,7 +33,7 @@ _BETTER = 0.9  # of the free force's deviation: what a weight leaves over that i
 _DRIFTS = 0.8  # of a drift: the least that its interval has where it is taken off
 _LEFT = 0.3  # of the weight's swing is left over where the tool's weight tells the rotation
 _LIGHT = "the tool turns too little without contact, or weighs too little"
-_UNSURE = "weighs too little to tell its centre and the sensor's rotation"
+_UNSURE = "weighs too little to determine its centre and the sensor's rotation"
 _NAMES: Final = {
     **{f"sensor.offset.{axis}": "N" for axis in "xyz"},
     "sensor.drift": "N/s",
@@ -45,12 +45,12 @@ _NAMES: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class Sensed:
-    """What is known of the forces before the sensor's rotation is, n rows."""
+    """Knowledge of the forces before the sensor's rotation is known, n rows."""
 
     quantities: dict[str, Quantity]
     force: Array  # (n, 3), N, without offset and weight, in fixed axes if the sensor isn't turned
     moment: Array | None  # (n, 3), N m, the same
-    limit: float  # N, what a free sensor stays below
+    limit: float  # N, bound of a free sensor's force
     residual: Array  # (n, 3), N, force where nothing is touched; else NaN
     rotation: Estimate | None  # rad, rotation vector in the tool's axes, from the tool's weight
 
@@ -74,7 +74,7 @@ class _Windows(NamedTuple):
 
 
 def fit_sensor(log: Log, *, tared: bool = True) -> Sensed:
-    """Return what the free part of a log with forces tells; their axes are known.
+    """Return the quantities from the free part of a log with forces; their axes are known.
 
     Without ``tared`` no part is taken for free.
     """

@@ -17,11 +17,11 @@ _ABOVE: Final = 0.8  # of the rows, less those beneath, in which a reference tel
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """A plane that gives way in proportion to the force."""
+    """A plane that yields in proportion to the force."""
 
     out: Array  # (3,), m, some vector away from the surface
     upright: Array  # (3,), the axis next to the force
-    told: bool  # whether the path tells the normal; if not it is the axis next to the force
+    told: bool  # whether the path determines the normal; if not it is the axis next to the force
     axes: Array  # (3, 3), unit rows: the path's main directions
     products: Array  # (m, 5, 5), of 1, path along two axes, size of the force, along the third
 
@@ -38,7 +38,7 @@ class Surface:
         return np.asarray(normal * np.copysign(1 / np.linalg.norm(normal), normal @ self.out))
 
     def compliance(self, coefficients: Array) -> float:
-        """Return how far the surface gives way, m/N of the force's size."""
+        """Return the surface's compliance, m/N of the force's size."""
         return float(-coefficients[3] * np.sign(self.axes[2] @ self.normal(coefficients)))
 
 

@@ -1,1 +1,1 @@
-"""Simulations and observers beside recordings of real robots."""
+"""Comparisons of simulations and observers with recordings of real robots."""

@@ -1,4 +1,4 @@
-"""What observers of the normal make of a real wrench, and what the recording says beside it.
+"""Observers of the normal on a real wrench, and further results of the recording.
 
 A real arm slides a tool over a flat table. The observers get what they get in a loop: the force,
 its difference, and the measured position as the nominal one, all as means over their period. The
@@ -71,15 +71,15 @@ _BOUNCE: Final = 1.0  # s after the touch; contact that is lost later is no boun
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredSlideScenario:
-    """Which recording, and what the observers are told of it.
+    """The recording, and the observers' settings for it.
 
     Told is what one half of ``table_a`` shows; the others were not fitted, but seen.
     """
 
-    recording: str | None = None  # a recording's name or a log's file; None: all that come along
-    free: float = 2.0  # s, from the begin, without contact: their mean is the sensor's offset
+    recording: str | None = None  # a recording's name or a log's file; None: all that are included
+    free: float = 2.0  # s, at the start, without contact: their mean is the sensor's offset
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)  # as believed before contact; base axes
-    straight: float = 0.02  # rad, height of the path over its width; of more no plane is fitted
+    straight: float = 0.02  # rad, height of the path over its width; above it no plane is fitted
     settle: float = 2.0  # s, from the touch on, in which errors don't count
     detection: ContactDetectionParams = ContactDetectionParams()  # None: of the noise without load
     observer: SurfaceObserverParams = SurfaceObserverParams(
@@ -109,7 +109,7 @@ MEASURED_SLIDE: Final = MeasuredSlideScenario()
 
 
 def resolve_measured(scenario: MeasuredSlideScenario) -> MeasuredSlideScenario:
-    """Return the scenario, of which every recording can be read and has the base's axes."""
+    """Return the scenario; every recording must be readable and have the base's axes."""
     for name, path in _paths(scenario).items():
         log = read_log(path)
         _recorded(scenario, name, log)
@@ -153,7 +153,7 @@ class Recorded(NamedTuple):
 
 
 def _recorded(scenario: MeasuredSlideScenario, name: str, log: Log) -> Recorded:
-    """Return what a log shows.
+    """Return the recording of a log.
 
     Raises:
         ParameterError: If it lacks force or position, or a part without contact.
@@ -190,7 +190,7 @@ def _recorded(scenario: MeasuredSlideScenario, name: str, log: Log) -> Recorded:
 
 
 def _plane(path: Array, believed: Array, straight: float) -> tuple[Array, str]:
-    """Return the normal of a path's plane, and how it was found."""
+    """Return the normal of a path's plane, and the method behind it."""
     if len(path) < 3:
         return believed, "as believed: no contact"
     sizes, axes = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)[1:]
@@ -202,7 +202,7 @@ def _plane(path: Array, believed: Array, straight: float) -> tuple[Array, str]:
 def _detected(
     params: ContactDetectionParams, time: Array, force: Array, free: Array, up: Array
 ) -> tuple[Array, ...]:
-    """Return when contact was detected, and when its loss, s, by the push against the normal."""
+    """Return the times of detected contacts and losses, s, by the push against the normal."""
     push = force @ up
     resolved = params.resolved(float(np.abs(push[free]).max()))
     law = ContactDetectionLaw(resolved, -up, period=float(np.median(np.diff(time))))
@@ -215,7 +215,7 @@ def _detected(
 
 
 def _told(scenario: MeasuredSlideScenario, kind: ObserverKind) -> ResolvedSurfaceObserverParams:
-    """Return what an observer of a kind is told.
+    """Return the settings of an observer of a kind.
 
     Those that know of no error of the position are told of one of the velocity.
     """
@@ -233,7 +233,7 @@ def _told(scenario: MeasuredSlideScenario, kind: ObserverKind) -> ResolvedSurfac
 
 
 def _observe(on: Recorded, told: ResolvedSurfaceObserverParams, believed: Array) -> Table:
-    """Return what an observer made of a recording, a row a sample.
+    """Return an observer's results on a recording, a row for each sample.
 
     ``error``, deg; ``band``, deg, of three deviations; ``nees``; ``push``, N, of the force along
     the estimate; ``status``.
@@ -257,7 +257,7 @@ def _observe(on: Recorded, told: ResolvedSurfaceObserverParams, believed: Array)
 
 
 def run_measured(scenario: MeasuredSlideScenario, seed: int, progress: Progress) -> Outcome:
-    """Run all observers on each recording; nothing is drawn, the seed is without effect."""
+    """Run all observers on each recording; nothing is random, the seed has no effect."""
     metrics: dict[str, Metric] = {}
     traces: list[Table] = []
     paths = _paths(scenario)
@@ -305,7 +305,7 @@ _NO_ERRORS: Final = "no sample in contact after it has settled"
 def _of_observers(
     made: Mapping[ObserverKind, Table], on: Recorded, counts: NDArray[np.bool_]
 ) -> dict[str, Metric]:
-    """Return what each observer's errors are like where they count, and how two compare."""
+    """Return statistics of each observer's errors where they count, and the ratio of two."""
     found: dict[str, Metric] = {}
     for kind, of in made.items():
         found |= prefixed(kind, _of_observer(of, on, counts))
@@ -315,7 +315,7 @@ def _of_observers(
 
 
 def _of_observer(made: Table, on: Recorded, counts: NDArray[np.bool_]) -> dict[str, Metric]:
-    """Return what an observer's errors are like where they count."""
+    """Return statistics of an observer's errors where they count."""
     columns = ("error", "band", "nees", "push", "status")
     error, band, nees, push, status = (
         made[name][counts] if counts.any() else np.full(1, np.nan) for name in columns
@@ -356,7 +356,7 @@ def _of_recording(on: Recorded) -> dict[str, Metric]:
 
 
 def _identified(log: Log, time: Array) -> tuple[dict[str, Metric], Array]:
-    """Return friction and impedance with intervals; what its fit leaves at times, (n, 3), m."""
+    """Return friction and impedance with intervals, and the fit's residual, (n, 3), m."""
     told = identify(log)
     found = {
         name: measured(

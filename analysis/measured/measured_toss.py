@@ -1,4 +1,4 @@
-"""Recorded tosses of a cube beside simulations that start as they do, by contact settings.
+"""Recorded tosses of a cube and simulations with the same start, by contact settings.
 
 Friction and dissipation are fitted on tosses with even numbers; all settings are judged, with that
 friction, on tosses with odd ones.
@@ -70,10 +70,10 @@ _TOSSES: Final = 200  # recorded
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredTossScenario:
-    """How many tosses there are, and what is tried on them."""
+    """The number of tosses, and the contact settings tried on them."""
 
     tosses: int = 40  # spread over the recorded 200; half for the fit, half judged
-    friction: float | None = None  # mu of cube on board, that all are judged with; None: fitted
+    friction: float | None = None  # mu of cube on board, for all judged tosses; None: fitted
     settings: tuple[Setting, ...] = get_args(Setting)  # of contact that are tried
     variations: tuple[Variation, ...] = get_args(Variation)  # of lagged and similar
     frictions: tuple[float, ...] = (0.06, 0.09, 0.12, 0.15, 0.18, 0.21, 0.24)  # mu, of the fit
@@ -89,13 +89,13 @@ class MeasuredTossScenario:
             raise ParameterError("frictions", self.frictions, "rising numbers > 0, at least one")
 
     def half(self, odd: int) -> list[int]:
-        """Return the places of the tosses that are fitted, 0, or judged, 1."""
+        """Return the indices of the tosses that are fitted, 0, or judged, 1."""
         all_of = [k for k, toss in enumerate(recorded()) if toss.number % 2 == odd]
         spread = np.linspace(0, len(all_of) - 1, self.tosses // 2).astype(int)
         return [all_of[k] for k in spread]
 
     def contacts(self, friction: float) -> dict[str, TossContact]:
-        """Return what is judged, by name: the settings, then the variations of two of them."""
+        """Return the judged contacts by name: the settings, then the variations of two of them."""
         found = {str(one): CONTACTS[one]._replace(friction=friction) for one in self.settings}
         varied = [(one, name) for one in _VARIED if one in found for name in self.variations]
         more = {f"{one}.{name}": found[one]._replace(**_VARIATIONS[name]) for one, name in varied}
@@ -106,7 +106,7 @@ MEASURED_TOSS: Final = MeasuredTossScenario()
 
 
 class Throw(NamedTuple):
-    """A toss to be simulated: how it touches, and its place among the recorded."""
+    """A toss to simulate: its contact, and its index among the recorded ones."""
 
     contact: TossContact
     toss: int
@@ -255,7 +255,7 @@ _CM: Final = 100
 
 
 def figures(scenario: MeasuredTossScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw a toss, errors over time and over friction, and how far the cubes get."""
+    """Draw a toss, errors over time and over friction, and the cubes' distances."""
     figure = new_figure(12.0, 8.0)
     (path, over), (fitted, travel) = figure.subplots(2, 2)
     traces, tables = outcome.traces, outcome.tables

@@ -55,7 +55,7 @@ _DERIVED: Final = [
 
 
 class ForceError(NamedTuple):
-    """By what the force will be off once it has settled, of the desired one."""
+    """Predicted error of the settled force, relative to the desired one."""
 
     likely: float  # %, 95 % of the runs stay within
     turning: float  # %, the same in all runs: the normal turns and its estimate lags
@@ -64,7 +64,7 @@ class ForceError(NamedTuple):
 
 
 class _Way:
-    """How the contact point goes, a row for each period of the controller."""
+    """Path of the contact point, a row for each period of the controller."""
 
     def __init__(self, scenario: ResolvedTrackingScenario) -> None:
         task, period, d = scenario.task, scenario.controller.period, scenario.dimension
@@ -140,7 +140,7 @@ def force_error(scenario: ResolvedTrackingScenario) -> ForceError:
 def _errors(
     scenario: ResolvedTrackingScenario, way: _Way, noise: Array, random: np.random.Generator
 ) -> Array:
-    """Return the angles by which the estimates are off in each period, rad, shape (n, runs).
+    """Return the angular errors of the estimates in each period, rad, shape (n, runs).
 
     The force that is sensed is off by the ``noise``, N, shape (runs, n, d).
     """
@@ -176,7 +176,7 @@ def _errors(
 
 
 def warn_of_force(scenario: ResolvedTrackingScenario) -> None:
-    """Warn if in fewer than 95 % of the runs the force will stay within 10 %, and say what would.
+    """Warn if fewer than 95 % of the runs will keep the force within 10 %, and name remedies.
 
     What is proposed is predicted in the same way; the first that helps is named.
     """

@@ -1,4 +1,4 @@
-"""What an engineer reads off an estimate of a surface's normal, and a force held along it."""
+"""Metrics of an estimate of a surface's normal, and of a force along it."""
 
 import math
 from typing import Final
@@ -166,7 +166,7 @@ def held(push: Array, force: float) -> dict[str, float | None]:
 def errors(
     traces: Table, window: tuple[float, float], *, largest: tuple[float, float]
 ) -> dict[str, float | None]:
-    """Return what the errors are like in a window, and the largest error in another.
+    """Return statistics of the errors in a window, and the largest error in another.
 
     It is rms, bias, coverage of the band and mean normalised square. A band that tells nothing
     covers nothing.

@@ -1,4 +1,4 @@
-"""Several observers on the same data: slides that are simulated once, with many seeds of noise."""
+"""Several observers on the same data: slides simulated once, with many seeds of noise."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -67,7 +67,7 @@ def slide(scenario: ResolvedEstimationScenario) -> Slide:
 
 @dataclass(frozen=True, kw_only=True)
 class Contender:
-    """A filter, and the normals it is told to expect, shape (n, d), if any."""
+    """A filter, and its predicted normals, shape (n, d), if any."""
 
     filter: NormalFilter
     predicted: Array | None
@@ -75,7 +75,7 @@ class Contender:
 
 
 def observer_of(scenario: EstimationScenario, given: ObserverSettings) -> ResolvedObserverSettings:
-    """Return an observer with what it is told in a scenario."""
+    """Return an observer with its settings in a scenario."""
     return resolve_estimation(replace(scenario, observer=given)).observer
 
 
@@ -100,7 +100,7 @@ def sensed(
     late: int = 0,
     differenced: ForceRateParams | None = None,
 ) -> tuple[Array, Array]:
-    """Return force, N, and its rate, N/s, shape (n, d), as a sensor shows them.
+    """Return force, N, and its rate, N/s, shape (n, d), at a sensor's output.
 
     Both are ``late``, samples; the rate is ``differenced``, or measured if that is None.
     """
@@ -147,7 +147,7 @@ def run_trial(
 
 
 def table_of_observers(finished: Trials[Any], count: int, **of_trial: Sequence[int]) -> Table:
-    """Return a row a trial and observer: what is of the trial, the observer, what was measured."""
+    """Return a row for each trial and observer: the trial, the observer, the measurements."""
     return {
         **{name: column(np.repeat(values, count)) for name, values in of_trial.items()},
         "observer": column(np.tile(np.arange(count), len(finished))),
@@ -161,7 +161,7 @@ def table_of_observers(finished: Trials[Any], count: int, **of_trial: Sequence[i
 def samples_of(
     on: Slide, observer: Contender, shown: tuple[Array, Array], first: int
 ) -> list[Sample]:
-    """Return what an observer is given from a sample on."""
+    """Return an observer's inputs from a sample on."""
     d = on.force.shape[1]
     known = [None] * len(on.time) if observer.predicted is None else list(observer.predicted)
     rows = zip(*shown, on.nominal[:, :d], on.nominal[:, d:], known, strict=True)

@@ -1,4 +1,4 @@
-"""Whether the band of an observer holds the errors, at every instant, wherever surfaces bend.
+"""Coverage of an observer's band at every instant, on surfaces that bend.
 
 By default a gripper of 200 N/m slides over the suite at 0.2 m/s; the whole suite, whose numbers
 are in the docs, is ``suite.stiffnesses=[200, 1000, 5000]`` and ``suite.speeds=[0.1, 0.2, 0.4]``.
@@ -56,9 +56,9 @@ OBSERVERS: Final = ("thesis", "gated", "mixture", "adaptive")
 
 @dataclass(frozen=True, kw_only=True)
 class BandSuite:
-    """Surfaces that bend as sharply as the observers are told, and how they are slid over."""
+    """Surfaces that bend as sharply as the observers' setting allows, and their slides."""
 
-    surfaces: tuple[str, ...] = _SURFACES  # and the slides of all observers, each as it is
+    surfaces: tuple[str, ...] = _SURFACES  # and the slides of all observers, unchanged
     stiffnesses: tuple[float, ...] = (200.0,)  # N/m, of the gripper
     speeds: tuple[float, ...] = (0.2,)  # m/s, of the contact point
     trials: int = 200  # seeds that each surface gets at each stiffness and speed
@@ -82,7 +82,7 @@ def judge(
     deviation: float,
     randoms: Sequence[np.random.Generator],
 ) -> dict[str, Array]:
-    """Return what filters make of a slide with noise, an array of shape (filters,) each.
+    """Return the filters' results on a slide with noise, an array of shape (filters,) each.
 
     ``rms``, deg; ``coverage``, %, of all errors within the 95 % band, and ``worst_instant``, of
     those of the instant at which fewest are; the same for the ``narrow`` band; ``nees``, the mean
@@ -133,7 +133,7 @@ class BandTrial(NamedTuple):
 def _slid(
     task: BandTrial, sensor: ForceRateSensorParams, radius: float
 ) -> tuple[Slide, EstimationScenario]:
-    """Return a slide, and the scenario from which observers know gripper and sensor."""
+    """Return a slide, and the scenario with the observers' gripper and sensor."""
     if task.surface in CASES:
         estimation = CASES[task.surface].estimation(sensor, _WINDOW)
         return slide(estimation), estimation
@@ -149,7 +149,7 @@ def _slid(
 def _judge(
     suite: BandSuite, sensor: ForceRateSensorParams, radius: float, seed: int, task: BandTrial
 ) -> Row:
-    """Return what observers made of a surface, an array of shape (observers,) each."""
+    """Return the observers' results on a surface, an array of shape (observers,) each."""
     on, estimation = _slid(task, sensor, radius)
     thesis, gated, adaptive = (
         observer_of(estimation, ObserverSettings(kind=kind, smallest_radius=radius))
@@ -165,7 +165,7 @@ def _judge(
 def run_suite(
     suite: BandSuite, sensor: ForceRateSensorParams, radius: float, seed: int, progress: Progress
 ) -> Table:
-    """Return a row for each surface, stiffness, speed and observer, with what it measured."""
+    """Return a row of results for each surface, stiffness, speed and observer."""
     grid = list(product(suite.stiffnesses, suite.speeds))
     tasks = [
         BandTrial(surface, *cell)

@@ -1,4 +1,4 @@
-"""Section 4.5: the thesis' observer, what corrects it, and what replaces it, on the same data."""
+"""Section 4.5: the thesis' observer, its corrections and replacements, on the same data."""
 
 import math
 from collections.abc import Mapping
@@ -40,13 +40,13 @@ _TIMED: Final = 3000  # updates
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverComparisonScenario:
-    """What all observers are told, and how many seeds each case gets."""
+    """Settings of all observers, and the number of seeds of each case."""
 
     trials: int = 200  # seeds that each case gets
     smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper; section 5.2.2
     sensor: ForceRateSensorParams = ForceRateSensorParams()
     vision_error: float = 0.2  # relative, of the surface's shape as the camera sees it
-    vision_radius: float = 3.0  # m, that the camera's error is taken to keep to
+    vision_radius: float = 3.0  # m, least radius of the camera's error
     suite: BandSuite = BandSuite()
 
     def __post_init__(self) -> None:
@@ -127,7 +127,7 @@ _MEASURED: Final = {
 
 
 def _observe(scenario: ObserverComparisonScenario, seed: int, task: SlideTrial) -> Row:
-    """Return what each observer made of a noisy slide, an array of shape (observers,) each."""
+    """Return each observer's results on a noisy slide, an array of shape (observers,) each."""
     on, contenders, up = _prepared(scenario, task.case)
     random = np.random.default_rng([seed, tuple(CASES).index(task.case), task.trial])
     shown = sensed(on, scenario.sensor, random)
@@ -203,7 +203,7 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
 
 
 def resolve_comparison(scenario: ObserverComparisonScenario) -> ObserverComparisonScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     for case in CASES.values():
         estimation = case.estimation(scenario.sensor, _WINDOW[1])
         for observer in OBSERVERS:

@@ -1,4 +1,4 @@
-"""Observers that are told wrong: of the gripper's stiffness, the sensor's bias, its delay.
+"""Observers with a wrong model: the gripper's stiffness, the sensor's bias, its delay.
 
 By default a surface gets few draws, so that it runs within minutes; conclusions want ``trials=8``.
 """
@@ -71,16 +71,16 @@ SURFACES: Final[Mapping[str, SlideCase]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class ModelErrorScenario:
-    """What is wrong, and what the adaptive observer knows may be."""
+    """Errors of the model, and the adaptive observer's bounds on them."""
 
-    surfaces: tuple[str, ...] = tuple(SURFACES)  # that are slid along
-    trials: int = 2  # draws of what is wrong on each surface, and seeds at each corner of it
+    surfaces: tuple[str, ...] = tuple(SURFACES)  # of the slides
+    trials: int = 2  # random errors on each surface, and seeds at each corner
     smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper; section 5.2.2
     sensor: ForceRateSensorParams = ForceRateSensorParams()
     rate: ForceRateParams = ForceRateParams(time_constant=0.2)  # of the differenced force
-    stiffness_error: float = 0.3  # relative, up to which the told K is wrong
-    bias: float = 2.0  # N, up to which the force has a bias
-    latest: int = 2  # samples, from one to which the force is late
+    stiffness_error: float = 0.3  # relative, bound on the error of the K that is set
+    bias: float = 2.0  # N, bound on the force's bias
+    latest: int = 2  # samples, largest delay of the force, from one on
     model_error: ModelErrorParams = ModelErrorParams(
         stiffness=0.3, bias=1.5, delay=0.05, delay_deviation=0.05, tare=_HOVER, press=_PRESS
     )
@@ -110,7 +110,7 @@ OBSERVERS: Final = ("thesis", "trusting", "adaptive")
 
 
 class Wrong(NamedTuple):
-    """What is wrong with a run."""
+    """Model errors of a run."""
 
     told: float = 1.0  # stiffness over the true one
     bias: tuple[float, ...] | None = None  # N
@@ -119,7 +119,7 @@ class Wrong(NamedTuple):
 
 
 def corners(scenario: ModelErrorScenario, dimension: int) -> tuple[Wrong, ...]:
-    """Return all that is as wrong as it may be; the bias is sideways, where it matters most."""
+    """Return all errors at their bounds; the bias is sideways, where it matters most."""
     error, side = scenario.stiffness_error, 1
     shifts = [
         tuple(float(sign * scenario.bias * (i == side)) for i in range(dimension))
@@ -134,7 +134,7 @@ def corners(scenario: ModelErrorScenario, dimension: int) -> tuple[Wrong, ...]:
 
 
 def drawn(scenario: ModelErrorScenario, dimension: int, random: np.random.Generator) -> Wrong:
-    """Return what is wrong by chance: evenly, the bias in any direction."""
+    """Return random errors: uniform, the bias in any direction."""
     direction = random.standard_normal(dimension)
     bias = scenario.bias * random.uniform() * direction / np.linalg.norm(direction)
     return Wrong(
@@ -189,7 +189,7 @@ _MEASURED: Final = {"rms": "error.rms", "coverage": "coverage", "nees": "nees"}
 
 
 def _observe(scenario: ModelErrorScenario, seed: int, task: ModelErrorTrial) -> Row:
-    """Return what each observer made of a slide, an array of shape (observers,) each."""
+    """Return each observer's results on a slide, an array of shape (observers,) each."""
     estimation, on = _prepared(scenario, task.surface)
     d = estimation.dimension
     random = np.random.default_rng([seed, tuple(SURFACES).index(task.surface), *task[1:]])
@@ -212,7 +212,7 @@ def _observe(scenario: ModelErrorScenario, seed: int, task: ModelErrorTrial) -> 
 
 
 def run_model_error(scenario: ModelErrorScenario, seed: int, progress: Progress) -> Outcome:
-    """Run all observers on all surfaces, told right, wrong by chance, and at every corner."""
+    """Run all observers on all surfaces, with a right model, random errors, and every corner."""
     tasks = [
         ModelErrorTrial(surface, kind, trial)
         for surface in scenario.surfaces
@@ -238,7 +238,7 @@ def run_model_error(scenario: ModelErrorScenario, seed: int, progress: Progress)
 
 # Where what it is told is right, wrong by chance, and at the worst corner.
 _KINDS: Final = {
-    "right": ("told right", "|", "full"),
+    "right": ("right model", "|", "full"),
     "drawn": ("wrong by chance", "o", "full"),
     "corner": ("worst corner", "D", "none"),
 }
@@ -291,13 +291,13 @@ def _worst(
     today = of("right.rms", "trusting")
     ratios = {one: rms / today[one] for one, rms in of("right.rms").items()}
     found[f"{observer}.rms_ratio.worst"] = extreme(
-        ratios, max, "", "told right, over the trusting one's: "
+        ratios, max, "", "with a right model, over the trusting one's: "
     )
     return found
 
 
 def resolve_model_error(scenario: ModelErrorScenario) -> ModelErrorScenario:
-    """Return the scenario with what it leaves open filled in, and checked."""
+    """Return the scenario with its open fields filled in, and checked."""
     for surface in scenario.surfaces:
         _estimation(scenario, surface)
     return scenario
@@ -307,7 +307,7 @@ _COVERAGE: Final = 99.0  # %
 _SQUARES: Final = (0.5, 1.5)
 _LOOK: Final = {
     "thesis": ("thesis", "#555555"),
-    "trusting": ("adaptive, trusting what it is told", "#6fa0e8"),
+    "trusting": ("adaptive, without model_error", "#6fa0e8"),
     "adaptive": ("adaptive, knowing of errors", "#e07b00"),
 }
 

@@ -1,4 +1,4 @@
-"""The surfaces on which observers are compared, and how a gripper slides over them."""
+"""The surfaces on which observers are compared, and the slides over them."""
 
 import math
 from collections.abc import Mapping
@@ -54,7 +54,7 @@ class SlideCase(NamedTuple):
         hover: float = 0.0,
         press: float = 0.0,
     ) -> ResolvedEstimationScenario:
-        """Return the slide's scenario, up to so long after the motion along x begins, s."""
+        """Return the slide's scenario, up to a time after the motion along x begins, s."""
         lead = replace(self.lead, hover=hover, press=press)
         return resolve_estimation(
             EstimationScenario(

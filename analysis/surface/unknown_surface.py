@@ -1,4 +1,4 @@
-"""A gripper on an unknown surface: led along it (section 5.2), or controlled (section 5.3)."""
+"""A gripper on an unknown surface: on a given path (section 5.2), or controlled (section 5.3)."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -86,7 +86,7 @@ _OFFSET: Final = {"textcoords": "offset points"}
 
 
 def run_surface(scenario: Resolved, seed: int) -> Traces:
-    """Lead the gripper along the surface, or let the controller follow it; return the traces.
+    """Move the gripper along a given path, or under control; return the traces.
 
     A row is a sample of the observer, with the estimate that is made with it, or a period of the
     controller. ``time`` s; ``force`` N, the normal component of the true force; ``error`` deg, the
@@ -143,7 +143,7 @@ def run_surface(scenario: Resolved, seed: int) -> Traces:
 
 
 def _instantaneous(scenario: ResolvedSurfaceScenario, outputs: dict[str, Array]) -> Array:
-    """Return the angle that each sample alone shows, deg; NaN where it shows none."""
+    """Return the angle from each sample alone, deg; NaN where it gives none."""
     names = ("measured_force", "measured_force_rate", "nominal_motion")
     force, rate, motion = (np.ascontiguousarray(outputs[name]) for name in names)
     velocity = motion[:, scenario.dimension :] - rate @ scenario.observer.compliance.T
@@ -161,7 +161,7 @@ def _angles(force: Array, velocity: Array, noise: float) -> Array:
 
 
 def run_trials(scenario: Resolved, seed: int, progress: Progress) -> Outcome:
-    """Lead or control the gripper with as many seeds as asked for; traces are of the first."""
+    """Run the scenario with each of its seeds; traces are of the first."""
     if isinstance(scenario, ResolvedTrackingScenario):
         warn_of_force(scenario)
     finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
@@ -249,7 +249,7 @@ def draw_force(
     title: str,
     **options: Any,
 ) -> None:
-    """Draw the true normal force beside the desired one and what is published, N."""
+    """Draw the true normal force with the desired one and the published limits, N."""
     off = TOLERANCE * desired
     levels = [ReferenceLine(desired, f"desired, {desired:g} N", DESIRED)]
     for name, value in published:

@@ -1,4 +1,4 @@
-"""Section 6.3: arms find a wall that they do not know, and slide along it."""
+"""Section 6.3: arms find an unknown wall, and slide along it."""
 
 import math
 from collections.abc import Mapping
@@ -169,7 +169,7 @@ def _return(traces: Table, kick: float | None) -> float | None:
 
 
 def _settled(time: Array, push: Array, rows: Rows, force: float) -> float | None:
-    """Return how long after the first of some rows the force stays within 10 %."""
+    """Return the time from the first of some rows until the force stays within 10 %."""
     if np.count_nonzero(rows) < 2:
         return None
     return settling_time(time[rows] - time[rows][0], push[rows], force, TOLERANCE * force)
@@ -228,7 +228,7 @@ def run_wall(scenario: ResolvedUnknownWallScenario, seed: int) -> Traces:
 def run_wall_trials(
     scenario: ResolvedUnknownWallScenario, seed: int, progress: Progress
 ) -> Outcome:
-    """Run with as many seeds as the scenario asks for; the traces are of the first."""
+    """Run with each of the scenario's seeds; the traces are of the first."""
     finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
     first = finished.tasks[0]
     metrics = over_trials(finished.rows, QUANTITIES) | stability_metrics(stability(scenario))
@@ -260,7 +260,7 @@ def make_charts(scenario: ResolvedUnknownWallScenario) -> tuple[Chart[Any, Any],
 def _figures(
     experiment: str, scenario: ResolvedUnknownWallScenario, outcome: Outcome
 ) -> Mapping[str, Figure]:
-    """Draw the first run: its way along the wall, the force and the estimated normal."""
+    """Draw the first run: its path along the wall, the force and the estimated normal."""
     traces = outcome.traces
     figure = new_figure(11.0, 11.0)
     way, force, normal, gap = figure.subplots(4, 1, height_ratios=(4, 3, 3, 2))
@@ -310,7 +310,7 @@ def _way(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> No
 
 
 def _outline(scenario: ResolvedUnknownWallScenario, traces: Table, s: Array) -> Array:
-    """Return how far out the wall is at places along it, mm."""
+    """Return the height of the wall at places along it, mm."""
     wall, up = scenario.make_surface(), scenario.spatial_up
     point = np.array([traces[f"point_{axis}"][0] for axis in "xyz"])
     origin = point - traces["along"][0] * scenario.spatial_along - traces["across"][0] * up

@@ -1,4 +1,4 @@
-"""What every arm offers: the kinematics that a controller computes with, and its friction."""
+"""Interface of all arms: the kinematics that a controller uses, and joint friction."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ ELBOW_SIGN: dict[Elbow, float] = {"negative": -1.0, "positive": 1.0}
 
 @dataclass(frozen=True, kw_only=True)
 class Kinematics:
-    """What a controller knows of a manipulator with as many joints as endpoint coordinates.
+    """A controller's model of a manipulator with as many joints as endpoint coordinates.
 
     Its functions take complex q, for complex-step derivatives; those of the built-in arms are
     compiled too.
     """
 
-    name: str  # what to call it in a sentence, "planar two-link arm"
+    name: str  # its name in a sentence, "planar two-link arm"
     joint_names: tuple[str, ...]  # in the order of q, n of them; rad, or m if prismatic
     coordinates: tuple[str, ...]  # of the endpoint vector, m = n of them
     coordinate_units: tuple[str, ...]
@@ -38,7 +38,7 @@ class Kinematics:
 
     @property
     def joint_units(self) -> tuple[str, ...]:
-        """What q is in, joint by joint."""
+        """Units of q, joint by joint."""
         return tuple("m" if name in self.prismatic else "rad" for name in self.joint_names)
 
     @property

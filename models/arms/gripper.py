@@ -14,14 +14,14 @@ Tensor = float | tuple[float, ...] | Rows
 
 @dataclass(frozen=True, kw_only=True)
 class GripperCompliance:
-    """A spring and a damper without mass, that give by F = K s + D s' for the stretch s.
+    """A massless spring and damper, with F = K s + D s' for the stretch s.
 
     Axes are those of the endpoint's frame, or the world's where nothing turns.
     """
 
     stiffness: Tensor = 100.0  # N/m, K (section 5.2.1)
     # one number for all directions, one for each axis, or a symmetric matrix by rows
-    damping: Tensor = 0.0  # N s/m, D, of the spring; given as the stiffness is
+    damping: Tensor = 0.0  # N s/m, D, of the spring; in the same form as the stiffness
 
     def __post_init__(self) -> None:
         for name, positive in (("stiffness", True), ("damping", False)):

@@ -1,4 +1,4 @@
-"""An arm that takes positions: its joint servos, and what gives way between its flange and a part.
+"""A position-controlled arm: its joint servos, and the compliance between flange and part.
 
 Forces do not move such an arm; what gives way is the sensor with the tool, or a remote centre
 compliance (RCC), a device between flange and tool.
@@ -31,15 +31,15 @@ _MOST_DELAY: Final = 20  # samples
 
 @dataclass(frozen=True, kw_only=True)
 class ServoParams:
-    """How the joints of an arm follow the positions that it takes."""
+    """Joint servos of an arm that takes positions."""
 
     rate: float = 500.0  # Hz, of commands
     bandwidth: float = 20.0
     # Hz, at which each joint's response is down by 3 dB, critically damped; assumed
-    delay: int = 1  # samples, from a command to where the joints begin to follow it; assumed
+    delay: int = 1  # samples, from a command to the start of the joints' motion; assumed
     velocity: float = math.pi  # rad/s, or m/s, of each joint, at most
     acceleration: float = 25.0  # rad/s^2, or m/s^2, likewise; assumed
-    repeatability: float = 3e-5  # m, half-width of how far the arm is off, new each trial
+    repeatability: float = 3e-5  # m, half-width of the arm's position error, new each trial
 
     def __post_init__(self) -> None:
         require_between(self, 125.0, 1000.0, "rate", unit="Hz")
@@ -54,21 +54,21 @@ class ServoParams:
 
     @property
     def period(self) -> float:
-        """Between two commands, s."""
+        """Time between two commands, s."""
         return 1 / self.rate
 
     @property
     def frequency(self) -> float:
-        """Of each joint's undamped motion, rad/s: critically damped, -3 dB at the bandwidth."""
+        """Frequency of each joint, rad/s: critically damped, -3 dB at the bandwidth."""
         return 2 * math.pi * self.bandwidth / math.sqrt(math.sqrt(2) - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArmInterface:
-    """What the arm with the peg takes."""
+    """Commands of the arm with the peg."""
 
     control: Control = "impedance"
-    # impedance: torques, as impedance.* has it; position: joint positions, as admittance.* has it
+    # impedance: torques, by impedance.*; position: joint positions, by admittance.*
     servo: ServoParams = field(default_factory=ServoParams)  # of position control
 
     def __post_init__(self) -> None:
@@ -105,13 +105,13 @@ _FARTHEST: Final = 1.0  # m, of a centre from the tip: beyond it the unit is wro
 
 @dataclass(frozen=True, kw_only=True)
 class ComplianceParams:
-    """What gives way between the arm's flange and the peg's tip; directions are the peg's.
+    """Compliance between the arm's flange and the peg's tip; directions are the peg's.
 
     None: derived from the kind.
     """
 
     kind: ComplianceKind = "arm"
-    # arm: sensor and tool, as stiff as they are; rcc: a remote centre compliance between them
+    # arm: sensor and tool, with their stiffness; rcc: a remote centre compliance between them
     lateral: float | None = None  # N/m, across the peg, at the centre
     axial: float | None = None  # N/m, along the peg
     angular: float | None = None  # N m/rad, that tilts the peg, about the centre
@@ -134,7 +134,7 @@ class ComplianceParams:
                 raise ParameterError(name, value, "null, or a kind: rcc that has it")
 
     def resolved(self) -> "Compliance":
-        """Return the same with what is open as the kind has it."""
+        """Return the same with open fields set to the kind's values."""
         given = vars(self).items()
         said = {name: value for name, value in given if value is not None}
         return Compliance(**{**dict(given), **_OF_KIND[self.kind], **said})
@@ -152,7 +152,7 @@ class Compliance(ComplianceParams):
 
     @property
     def support(self) -> Support:
-        """What it is to wedging and jamming, on an arm that does not give way."""
+        """Its support in the theory of wedging and jamming, on a rigid arm."""
         return Support(
             lateral_stiffness=self.lateral,
             angular_stiffness=self.angular,
@@ -162,7 +162,7 @@ class Compliance(ComplianceParams):
     def wrist(
         self, *, mass: float, centre_of_mass: float, inertia: float, axial_inertia: float
     ) -> WristParams:
-        """Return the springs of a plant, with what they carry: z away from the hole.
+        """Return the springs of a plant, with their load: z away from the hole.
 
         Args:
             mass: Of tool and peg, kg; the device's is put into their centre of mass.
@@ -197,7 +197,7 @@ class Compliance(ComplianceParams):
         return strained
 
     def deflection(self, displacement: Array) -> Array:
-        """Return how far an rcc gives way, as a share of its limits, shape (...,): 1 at a stop.
+        """Return an rcc's deflection as a share of its limits, shape (...,): 1 at a stop.
 
         Args:
             displacement: Of the centre, rad above m, shape (..., 6), as of the wrist's joints.
@@ -214,7 +214,7 @@ class Compliance(ComplianceParams):
 def require_within_deflection(
     compliance: Compliance, position_error: float, angle_error: float, arm: Support | None = None
 ) -> None:
-    """Refuse a hole's errors, m across and rad at most, that take an rcc beyond its limits.
+    """Refuse a hole's errors, at most m across and rad, that take an rcc beyond its limits.
 
     Of both errors the one that has the larger part in it is named. The arm is what gives way
     behind the device, at rest; None: it does not.

@@ -1,4 +1,4 @@
-"""A SCARA arm as the work cell has it: the Adept One with the ranges and forces of its joints.
+"""A SCARA arm for the work cell: the Adept One with the ranges and forces of its joints.
 
 Its tool turns about the vertical alone: a hole's axis has to be vertical, and the arm takes what
 is asked for of tilt as far as it can, which is not at all. The ranges of turns are of the order of

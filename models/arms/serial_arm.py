@@ -1,4 +1,4 @@
-"""A serial arm with six or more revolute joints, as the work cell simulates and controls it."""
+"""A serial arm with six or more revolute joints, for the work cell."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ _PRECISION: Final = 1e-11  # m and rad
 
 
 class FlangeState(NamedTuple):
-    """Where the flange is, and how it moves with the joints; n of them."""
+    """Pose of the flange, and its Jacobian for n joints."""
 
     R: Array  # R_BF, shape (3, 3)
     p: Array  # p_BF, m, shape (3,)
@@ -141,7 +141,7 @@ def _rounded(values: Array | tuple[float, ...]) -> tuple[float, ...]:
 
 
 class PlantKinematics:
-    """Where the flange of a URDF's arm is, in its base frame; called with joint positions."""
+    """Pose of the flange of a URDF's arm in its base frame; called with joint positions."""
 
     def __init__(self, urdf: str, base: str, flange: str) -> None:
         self.plant = arm_alone(urdf, base)
@@ -150,7 +150,7 @@ class PlantKinematics:
         self._origin = np.zeros(3)
 
     def __call__(self, q: Array) -> FlangeState:
-        """Return where the flange is at joint positions q, rad, shape (n,)."""
+        """Return the flange's pose at joint positions q, rad, shape (n,)."""
         plant, context, base = self.plant, self.context, self.plant.world_frame()
         plant.SetPositions(context, q)
         X_BF = self.flange.CalcPoseInWorld(context)

@@ -1,4 +1,4 @@
-"""An arm of the user's own, out of a URDF.
+"""A user's own arm, from a URDF.
 
 The arm is the chain from the file's first link to the link that carries the tool. Whatever else
 can move, such as the fingers of a gripper, is held where its joint is at zero, and is weight. Of
@@ -39,7 +39,7 @@ _MODELS: Final = "wam, ur5e, scara, or a URDF file"
 
 
 class _Chain(NamedTuple):
-    """From the file's first link to the flange."""
+    """The chain from the file's first link to the flange."""
 
     links: list[str]
     joints: list[Element]  # in between
@@ -79,7 +79,7 @@ def _read(path: str, tool_frame: str | None, changed: int, size: int) -> SerialA
 
 
 class UnfitError(ValueError):
-    """What a URDF file would have to be; goes on where "a URDF file" ends."""
+    """Requirement on a URDF file; the message continues after "a URDF file"."""
 
 
 def _arm(root: Element, path: Path, tool_frame: str | None) -> SerialArm:
@@ -232,7 +232,7 @@ def _number(joint: Element, element: Element | None, name: str) -> float:
 
 
 def _require_inertia(above: dict[str, Element], chain: _Chain, bodies: list[Element]) -> None:
-    """Refuse an arm with a joint that moves nothing of its own; the last one has the tool."""
+    """Refuse an arm with a joint that moves no mass; the last one has the tool."""
     moved = set()
     for link in bodies:
         joint = above.get(_name(link))
@@ -297,7 +297,7 @@ def _motor(joint: str) -> Element:
 
 
 def _free(link: str) -> str:
-    """Return what a link is called here: not as something that the cell adds."""
+    """Return a link's name here, which differs from the names that the cell adds."""
     return f"{link}_of_file" if link in _TAKEN else link
 
 

@@ -50,7 +50,7 @@ _FARTHEST: Final = 1.0  # m, of a centre from the tip: beyond it the unit is wro
 
 @dataclass(frozen=True, kw_only=True)
 class WristParams:
-    """Parameters of the wrist and of what it carries; the paper prints none."""
+    """Parameters of the wrist and of its load; the paper prints none."""
 
     stiffness: tuple[float, ...] = (20.0, 20.0, 20.0, 2e4, 2e4, 2e4)
     # N m/rad and N/m, about and along x, y, z, at the centre; assumed
@@ -95,7 +95,7 @@ class WristParams:
 
     @property
     def compliance(self) -> Array:
-        """How the tip gives way to a wrench there, rad above m by N m above N, shape (6, 6)."""
+        """Compliance of the tip to a wrench there, rad above m by N m above N, shape (6, 6)."""
         to_tip = np.eye(SIZE)
         to_tip[3:5, :2] = [[0.0, -self.centre], [self.centre, 0.0]]
         matrix: Array = (to_tip / np.array(self.stiffness)) @ to_tip.T
@@ -103,7 +103,7 @@ class WristParams:
 
     @property
     def tip_stiffness(self) -> tuple[float, ...]:
-        """N m/rad and N/m: what each axis of accommodation has to be damped against at the tip.
+        """Stiffness at the tip that each axis of accommodation is damped against, N m/rad, N/m.
 
         Seen from there a lateral spring at the height c opposes way x and turn a together,
 
@@ -118,11 +118,11 @@ class WristParams:
 
     @property
     def law(self) -> Array:
-        """Forces of the joints of what the joints lack, positions above rates, shape (6, 12)."""
+        """Matrix from the joints' errors, positions above rates, to forces, shape (6, 12)."""
         return self.implicit_law(0.0)
 
     def implicit_law(self, step: float) -> Array:
-        """Return that of a plant with a step, s; a lack of rates counts for more."""
+        """Return that matrix for a plant with a step, s; errors of rates count for more."""
         stiffness = np.array(self.stiffness)
         rates = np.array(self.damping) + step * stiffness
         order = list(ORDER)
@@ -130,14 +130,14 @@ class WristParams:
 
 
 class Wrist(NamedTuple):
-    """What was added to a plant."""
+    """The parts added to a plant."""
 
     instance: ModelInstanceIndex
     body: RigidBody  # which the wrist holds, its frame at the tip
 
 
 def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wrist:
-    """Add a wrist to a plant that has a step; weight is taken to be compensated.
+    """Add a wrist to a plant that has a step; its weight is assumed to be compensated.
 
     At rest the tip's frame coincides with the carrier's. The joints' positions are a displacement
     of the centre, :func:`moved`. The actuation is :meth:`WristParams.implicit_law` of what they
@@ -191,7 +191,7 @@ def moved(displacement: Any, height: float) -> Array:
 
 
 def in_joint_order(size: int = 1) -> Array:
-    """Return the matrix that puts ``size`` displacements, one behind the other, in joint order."""
+    """Return the matrix that puts ``size`` consecutive displacements in joint order."""
     matrix: Array = np.asarray(np.kron(np.eye(size), np.eye(SIZE)[list(ORDER)]), np.float64)
     return matrix
 

@@ -1,4 +1,4 @@
-"""The packing plan: nuggets, which goes where, and what lies below it by then."""
+"""The packing plan: nuggets, their places, and the nuggets below them."""
 
 import math
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ class Nugget:
 
     @property
     def height(self) -> float:
-        """From the grip point down to what meets the layer below, m."""
+        """From the grip point down to the point that meets the layer below, m."""
         return 2 * self.semi_axes[2]
 
     @property
@@ -64,7 +64,7 @@ class Nugget:
 
     @property
     def layer_point(self) -> tuple[float, float, float]:
-        """The point that meets what lies below in the endpoint's frame, m."""
+        """The point that meets the surface below, in the endpoint's frame, m."""
         return 0.0, 0.0, -2 * self.semi_axes[2]
 
     @property
@@ -102,15 +102,15 @@ class PlanItem:
     """One nugget, or one load of the bulk filler, and its place."""
 
     kind: ItemKind = "wall"
-    mass: float = 0.085  # kg, of the nugget, or of what fills the filler; 14 to 185 g in app. C
+    mass: float = 0.085  # kg, of the nugget, or of the filler's load; 14 to 185 g in app. C
     azimuth: float = 0.0  # rad, of its place about the crucible's axis
     radius: float | None = None
     # m, of its middle from the crucible's axis; None: at the wall, a crown nugget 1 cm from it,
     # bulk on the axis
     size: float = 1.0  # true lengths over those of an ellipsoid of its mass
-    scanned_size: float | None = None  # what the scanner takes for that; None: the truth
-    tilt: float = 0.0  # rad, by which it comes to lie off how it was laid; nobody is told
-    tilt_azimuth: float = 0.0  # rad, of the way that its top leans then
+    scanned_size: float | None = None  # the scanner's value for that; None: the true one
+    tilt: float = 0.0  # rad, of the nugget after it is released; the controller does not know it
+    tilt_azimuth: float = 0.0  # rad, direction in which its top then leans
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", ("wall", "crown", "bulk"))
@@ -127,31 +127,31 @@ class PlanItem:
 
     @property
     def true_nugget(self) -> Nugget:
-        """The nugget as it is."""
+        """The true nugget."""
         return nugget_of(self.mass, size=self.size)
 
     @property
     def believed_nugget(self) -> Nugget:
-        """The nugget as the scanner shows it."""
+        """The nugget that the scanner measures."""
         size = self.size if self.scanned_size is None else self.scanned_size
         return nugget_of(self.mass, size=size)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LaidNugget:
-    """A nugget that lies in the crucible: one ellipsoid for all who touch, measure or draw it."""
+    """A nugget in the crucible: one ellipsoid for contact, measurement and drawing."""
 
     nugget: Nugget
     middle: tuple[float, float, float]  # m, in the world
     azimuth: float  # rad, with which it was laid
     tilt: float  # rad, off that
-    tilt_azimuth: float  # rad, of the way that its top leans
+    tilt_azimuth: float  # rad, direction in which its top leans
     name: str  # in the plan
-    floor: float  # m, height on which the packing has it, as a cylinder about it
+    floor: float  # m, height of the cylinder about it in the packing
 
     @property
     def rotation(self) -> Array:
-        """How it lies, R_WN, shape (3, 3)."""
+        """Its orientation, R_WN, shape (3, 3)."""
         angles = self.tilt, self.tilt_azimuth, self.azimuth - self.tilt_azimuth
         (c1, c2, c), (s1, s2, s) = map(math.cos, angles), map(math.sin, angles)
         lean = np.array([[c2 * c1, -s2, c2 * s1], [s2 * c1, c2, s2 * s1], [-s1, 0.0, c1]])
@@ -159,7 +159,7 @@ class LaidNugget:
         return turned
 
     def surface(self, upper: Nugget) -> Surface:
-        """Return where the lowest point of a nugget that hangs over it stops.
+        """Return the surface at which the lowest point of a nugget above it stops.
 
         Two ellipsoids touch where the middle of one is on the sum of both. The sum is taken for
         an ellipsoid of the summed semi-axes, which it is where both are alike and aligned.
@@ -172,7 +172,7 @@ class LaidNugget:
         )
 
     def height(self, place: tuple[float, float], upper: Nugget) -> float:
-        """Return how high that surface is at a place, m; -inf beside it."""
+        """Return the height of that surface at a place, m; -inf outside of it."""
         R = self.rotation
         form = R @ np.diag(np.power(self._summed(upper), -2.0)) @ R.T
         across = np.subtract(place, self.middle[:2])
@@ -190,17 +190,17 @@ class LaidNugget:
 
 @dataclass(frozen=True, kw_only=True)
 class ItemPlace:
-    """Where an item goes: of the nugget's middle, in the world."""
+    """Place of an item: that of the nugget's middle, in the world."""
 
     position: tuple[float, float]  # m, x and y
-    azimuth: float  # rad, the way to the wall
-    layer: float  # m, height of what lies below
-    laid: tuple[LaidNugget, ...]  # what lies in the crucible by then
+    azimuth: float  # rad, direction to the wall
+    layer: float  # m, height of the surface below
+    laid: tuple[LaidNugget, ...]  # nuggets in the crucible by then
     on: LaidNugget | None  # of it, on which the item lies; None: on the bed
     lies: LaidNugget  # the item itself, once it is laid
 
     def below(self, nugget: Nugget, bed: Surface) -> Surface:
-        """Return what a nugget's lowest point meets: the bed, or what was laid before."""
+        """Return the surface that a nugget's lowest point meets: the bed, or an earlier nugget."""
         return Union(parts=(bed, *(one.surface(nugget) for one in self.laid)))
 
 
@@ -211,7 +211,7 @@ def places(
     believed: bool,
     laid: Sequence[PlanItem] = (),
 ) -> tuple[ItemPlace, ...]:
-    """Return where each item of a plan goes, and how high what it is laid on is by then.
+    """Return the place of each item of a plan, and the height of the surface below it by then.
 
     ``laid`` is what lies in the crucible before. An item lies on the bed, or on the highest of the
     wall and crown nuggets that were laid before it and whose outline, seen from above as a circle,

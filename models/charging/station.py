@@ -1,4 +1,4 @@
-"""Where things stand in the cell: crucible, bed, feeder and scanner."""
+"""Places in the cell: crucible, bed, feeder and scanner."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class StationLayout:
-    """Where things are in the cell, world frame; the thesis does not say, all is assumed."""
+    """Places in the cell, world frame; the thesis gives none, all are assumed."""
 
     crucible_centre: tuple[float, float] = (0.5, 0.15)  # m, of the crucible's axis
     crucible_radius: float = 0.15  # m, of its inner wall
@@ -47,7 +47,7 @@ class StationLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class Station(StationLayout):
-    """The cell as it is built: with what is touched."""
+    """The cell as built, with the surfaces that are touched."""
 
     crucible_thickness: float = 0.008  # m, of the crucible's wall; assumed
     feeder_radius: float = 0.06  # m, of the feeder's round tray; assumed
@@ -57,7 +57,7 @@ class Station(StationLayout):
         require_positive(self, "crucible_thickness", "feeder_radius")
 
     def wall(self, *, lean: float = 0.0) -> Surface:
-        """Return the crucible's wall, from its rim down, without an end below.
+        """Return the crucible's wall, from its rim down, infinitely deep.
 
         Its axis is off the vertical by ``lean``, rad, the top towards +x.
         """
@@ -75,7 +75,7 @@ class Station(StationLayout):
         return Placed(surface=upright, point=(x, y, self.bed_height), axes=axes)
 
     def layer(self, place: tuple[float, float], height: float, *, tilt: float = 0.0) -> Surface:
-        """Return what a nugget is laid on, a plane inside of the crucible.
+        """Return the layer, a plane inside of the crucible.
 
         At ``place``, m, it has the height, m; it rises towards +x by ``tilt``, rad.
         """
@@ -85,7 +85,7 @@ class Station(StationLayout):
         return Intersection(parts=(ground, Extruded(curve=inside)))
 
     def tray(self, height: float) -> Surface:
-        """Return the top of what stands in the feeder, ``height`` m above its ground."""
+        """Return the top of the item in the feeder, ``height`` m above its ground."""
         x, y, z = self.feeder
         ends = Circle(centre=(x, y), radius=self.feeder_radius)
         top = RippledPlane(point=(x, y, z + height))

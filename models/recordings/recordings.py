@@ -1,4 +1,4 @@
-"""What real robots measured: slides of an arm, tosses of a cube, friction of an arm's joints.
+"""Measurements of real robots: slides of an arm, tosses of a cube, friction of joints.
 
 All were published by others and may be redistributed; the licences lie beside the files.
 """
@@ -24,13 +24,13 @@ _PANDA: Final = "github.com/taraknezevic/franka-friction-identification-dataset 
 
 
 class Source(NamedTuple):
-    """Where a recording comes from, and on which terms."""
+    """Source of a recording, and its licence."""
 
     what: str
     source: str
     authors: str
     licence: str  # the text is in the file LICENSE-... beside the recordings
-    changes: str = ""  # made to what was published
+    changes: str = ""  # to the published recording
 
 
 # Slides: a KUKA iiwa under impedance control slides a tool over a table, 200 Hz. Columns of the
@@ -80,7 +80,7 @@ def slide_path(name: str) -> Path:
 
 
 class Toss(NamedTuple):
-    """A toss as it was tracked, n rows at 148 Hz, in the board's frame, z up."""
+    """A tracked toss, n rows at 148 Hz, in the board's frame, z up."""
 
     number: int  # of the source
     orientation: Array  # (n, 4), unit quaternion w, x, y, z, of the cube
@@ -111,12 +111,12 @@ class JointFriction(NamedTuple):
 
     @property
     def mean(self) -> Array:
-        """Coulomb's of both directions, N m, of the fit by direction."""
+        """Mean Coulomb friction of both directions, N m, of the fit by direction."""
         return (self.coulomb_plus + self.coulomb_minus) / 2
 
     @property
     def asymmetry(self) -> Array:
-        """Coulomb's forward less backward, over their sum."""
+        """Coulomb friction forward minus backward, over their sum."""
         return (self.coulomb_plus - self.coulomb_minus) / (2 * self.mean)
 
     @property
@@ -126,7 +126,7 @@ class JointFriction(NamedTuple):
 
 
 def panda_friction() -> JointFriction:
-    """Return what was identified of the Panda's seven joints."""
+    """Return the identified friction of the Panda's seven joints."""
     with (_FOLDER / "panda_friction.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return JointFriction(*(np.array([float(r[k]) for r in rows]) for k in JointFriction._fields))

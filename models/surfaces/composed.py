@@ -1,4 +1,4 @@
-"""Surfaces made of surfaces: turned and moved, drawn out of a curve, several in one."""
+"""Surfaces made of surfaces: placed, extruded from a curve, or several in one."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Matrix = NDArray[np.float64]
 
 
 class Upright:
-    """A curve of the x-y plane drawn out along z: a wall of that outline."""
+    """A curve of the x-y plane extruded along z: a wall of that outline."""
 
     dimension: ClassVar[int] = 3
 
@@ -45,7 +45,7 @@ class Upright:
 
 @dataclass(frozen=True, kw_only=True)
 class Extruded(Upright):
-    """Any curve drawn out."""
+    """Any curve, extruded."""
 
     curve: Surface
 
@@ -140,7 +140,7 @@ class _Several:
         return self._foremost(p).hessian(p)
 
     def nodes(self, place: Place | None) -> Nodes:
-        """Return the parts' nodes, and what picks one of them."""
+        """Return the parts' nodes, and the node that selects one of them."""
         parts = [node for part in self.parts for node in nodes_of(part, place)]
         return [*parts, [3.0, LEAST if self._pick is min else MOST, float(len(self.parts))]]
 

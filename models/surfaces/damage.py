@@ -1,4 +1,4 @@
-"""When a silicon nugget damages a glass crucible (appendix C)."""
+"""Limits at which a silicon nugget damages a glass crucible (appendix C)."""
 
 from typing import Final
 

@@ -28,7 +28,7 @@ class SurfaceFriction:
     the same friction everywhere (section 5.2.1). It must nowhere be negative.
     """
 
-    coefficient: float = 1.0  # c, but for ripple and jump
+    coefficient: float = 1.0  # c, without ripple and jump
     ripple: float = 0.0  # r, amplitude of a sine
     wavelength: float = 1.0  # m, L, of the ripple
     jump: float = 0.0  # change of the coefficient towards +x, s

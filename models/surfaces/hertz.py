@@ -1,4 +1,4 @@
-"""How stiff a contact is by the materials that touch (Hertz; moduli of appendix B).
+"""Stiffness of a contact from its two materials (Hertz; moduli of appendix B).
 
 A sphere of radius R, m, that is pressed on a plane with F, N, sinks in by d, m, with
 ``F = 4/3 E* sqrt(R) d^1.5`` and ``1/E* = (1 - nu_1^2) / E_1 + (1 - nu_2^2) / E_2``. Small motions
@@ -13,7 +13,7 @@ from chamfer.models.validation import ParameterError, require_between, require_p
 
 @dataclass(frozen=True, kw_only=True)
 class ElasticSolid:
-    """A material that gives elastically."""
+    """An elastic material."""
 
     modulus: float  # Pa, of elasticity
     poisson: float  # Poisson's ratio

@@ -47,20 +47,20 @@ def nearest(surface: Surface, p: Vector, metric: Matrix | None = None) -> Vector
 
 
 def too_far(p: Vector) -> ParameterError:
-    """Return what :func:`nearest` raises where it finds nothing."""
+    """Return the error of :func:`nearest` where it finds no point."""
     allowed = "a point nearer to the surface than its radius of curvature"
     return ParameterError("p", p.tolist(), allowed)
 
 
 def uncoded(surface: Surface, which: int, p: Vector, gradient: Vector, hessian: Matrix) -> float:
-    """Return what :func:`chamfer.models.surfaces.surface_code.evaluate` does, of any surface."""
+    """Return the same as :func:`chamfer.models.surfaces.surface_code.evaluate`, of any surface."""
     gradient[:], hessian[:] = surface.gradient(p), surface.hessian(p)
     return surface.level(p)
 
 
 @compiled
 def find_nearest(surface: Vector, p: Vector, metric: Matrix) -> Vector:
-    """Return what :func:`nearest` does, of a surface's code.
+    """Return the same as :func:`nearest`, of a surface's code.
 
     Raises:
         ArithmeticError: If the search ends nowhere, or in a point that is not a local minimum.

@@ -1,4 +1,4 @@
-"""Planes, even or not."""
+"""Planes, even or uneven."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from chamfer.models.validation import (
 
 @dataclass(frozen=True, kw_only=True)
 class Unevenness:
-    """How a plane differs from what it is taken to be.
+    """Difference between a plane and its believed place and shape.
 
     Along a direction s it rises by ``tan(tilt)`` per metre and ripples by
     ``ripple * sin(2 pi s / wavelength)``.

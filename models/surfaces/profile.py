@@ -1,4 +1,4 @@
-"""A curve that is given by its curvature along its length: bends, arcs, S-bends."""
+"""A curve defined by its curvature along its length: bends, arcs, S-bends."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""What every surface is: the zero of a smooth level function.
+"""The interface of surfaces: the zero of a smooth level function.
 
 A surface is geometry; stiffness and friction belong to the contact. The level is 0 on the surface
 and positive outside of the material. It need not be a distance. Its first two derivatives give the
@@ -35,7 +35,7 @@ class Surface(Protocol):
 
 
 class Proximity(NamedTuple):
-    """Where a point is, seen from a surface."""
+    """Place of a point relative to a surface."""
 
     gap: float  # m, distance along the normal, to first order; negative inside the material
     normal: Vector  # shape (d,), unit, world frame, away from the material

@@ -1,4 +1,4 @@
-"""Surfaces in machine code: level, gradient and second derivatives of all that this project has.
+"""Surfaces in machine code: level, gradient and second derivatives of all surfaces here.
 
 A code is one row of numbers, which only :func:`surface_code` writes and :func:`evaluate` reads. It
 may hold several surfaces. Each is a list of nodes, leaves and what picks one of the leaves before
@@ -293,7 +293,7 @@ def profile_bend(code: Vector, own: int, s: float) -> tuple[float, float]:
 
 @in_place
 def profile_chord(code: Vector, own: int, begin: float, end: float) -> tuple[float, float]:
-    """Return the way from one length of a profile's curve to another, m, along x and y."""
+    """Return the vector between two lengths along a profile's curve, m, along x and y."""
     half, x, y = 0.5 * (end - begin), 0.0, 0.0
     for i in range(_GAUSS.shape[1]):
         angle = profile_bend(code, own, begin + half * (1.0 + _GAUSS[0, i]))[0]

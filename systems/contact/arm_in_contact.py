@@ -270,7 +270,7 @@ class ArmInContact(LeafSystem):
         if isinstance(world, Sequence):
             scenes = tuple(world)
             plain = ArmInContactParams(joint_friction=friction)
-            why = "without effect where scenes say what touches"
+            why = "without effect where scenes have the points of contact"
             require_same(params, plain, "params", "contact", "contact_offset", why=why)
         else:
             scenes = (Scene((ContactPoint(params.contact_offset, world, params.contact),)),)

@@ -79,7 +79,7 @@ def test_what_has_no_field_or_is_not_told_is_a_comment(tmp_path: Path) -> None:
     path.write_text(text)
     assert read_mapping(path) == {}
     assert "# delay: 0.02 s (0.018 to 0.022)" in text
-    assert "# damping.x: not told; too little motion" in text
+    assert "# damping.x: unknown; too little motion" in text
     only_z = fragment_text({"stiffness.z": told()["stiffness.z"]}, "wam-pair", of="log.npz")
     assert "stiffness: [400.0, 400.0, 600.0]" in only_z
-    assert "400 N/m, the cell's own, where the log does not tell" in only_z
+    assert "400 N/m, the cell's own, where the log gives none" in only_z

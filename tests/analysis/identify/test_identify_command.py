@@ -39,7 +39,7 @@ def test_a_slide_is_told_with_intervals_and_as_a_scenario(
     said = capsys.readouterr().out
     assert said.startswith("8400 rows, 41.99 s: time, force, moment, position, rotation, ref")
     assert "\nfriction " in said
-    assert "\nsensor.unit: nothing in the log tells it" in said
+    assert "\nsensor.unit: the log does not determine it" in said
     assert "identify" not in report_text(tmp_path, CATALOGUE)  # it is no experiment's result
 
 
@@ -82,7 +82,7 @@ def test_pounds_nothing_to_tell_and_nowhere_to_write_are_told(
     path, still = tmp_path / "still.npz", np.zeros((300, 2))
     np.savez(path, time=np.arange(300) / 100, joint_position=still, joint_torque=still)
     assert main(["identify", str(path), "--out", str(tmp_path / "out")]) == 2
-    assert f"{path}: it tells nothing: the joint doesn't turn" in capsys.readouterr().err
+    assert f"{path}: it determines nothing: the joint doesn't turn" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     assert main(["identify", str(slide_path("free")), "--out", str(path)]) == 2
     assert "can't be written" in capsys.readouterr().err

@@ -95,7 +95,7 @@ def test_quaternions_are_rotations_if_their_length_is_1(log: Log, tmp_path: Path
 def test_doubts_about_units_are_told(log: Log, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     table(log, {"time": "time", "force": "fx (N);fy;fz"}).to_csv(path, index=False)
-    with pytest.warns(UserWarning, match="fx says N, it is taken to be lbf"):
+    with pytest.warns(UserWarning, match="fx has the unit N in its title; lbf is used"):
         found = read_log(path, parse_columns(["force=fx,fy,fz:lbf"]))
     np.testing.assert_allclose(found.force, POUND * log.force)  # type: ignore[operator]
     titles = {"time": "t", "force": "fx;fy;fz", "moment": "tx;ty;tz"}
