@@ -475,7 +475,7 @@ def _stacked(variant: str, attempts: Mapping[str, Trials[int]]) -> Table:
 def annotated(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
     """Return metrics with a note on the machine that the speed was measured on."""
     speed = metrics["real_time_factor"]
-    note = f"a core each, the machine's own; {speed.note}"
+    note = f"one core each, of this machine; {speed.note}"
     return {**metrics, "real_time_factor": replace(speed, note=note)}
 
 
@@ -499,7 +499,7 @@ def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
     failed = sum(map(bool, reasons))
     for name, of, what in (
         ("false_done", n, "runs"),
-        ("false_hindered", int(attempts.column("hindered").sum()), "times that it was told"),
+        ("false_hindered", int(attempts.column("hindered").sum()), "detected obstructions"),
         ("false_reason", failed, "runs that failed"),
     ):
         wrong = int(attempts.column(name).sum())
@@ -592,7 +592,7 @@ def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
         figure.legend(loc="outside lower left", ncols=2, fontsize=8, frameon=False)
     draw_distribution(force, rows["force.peak_share"], least=AIM)
     force.axvline(1.0, label="mating force", **LIMIT)
-    force.axvline(AIM, label=f"our aim, {AIM:g} times that", **PUBLISHED)
+    force.axvline(AIM, label=f"target, {AIM:g} times that", **PUBLISHED)
     dress(
         force,
         title="(c) Largest force of a run over its true mating force",

@@ -113,7 +113,7 @@ def run(scenario: ResolvedCorrelationScenario, seed: int, progress: Progress) ->
                 value=round(float(getattr(each[0], what)), 9), unit="", note="of the first window"
             )
         metrics[f"hindered.{name}"] = Metric(
-            value=100 * row["hindered"], unit="%", note="of the time, says the correlator"
+            value=100 * row["hindered"], unit="%", note="of the time, by the correlator"
         )
         traces[name] = column([one.value for one in each])
         shapes[f"{name}_motion"] = motion[0]

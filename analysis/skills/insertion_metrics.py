@@ -102,7 +102,7 @@ def failure(done: SkillResult, connector: Connector) -> Failure | None:
         outcome, expected = "done but not mated", f"within {1e3 * MATED:g} mm"
         if connector.mated_turn is not None:
             turned = math.remainder(turn - connector.mated_turn, math.pi)
-            expected += f", it is turned {math.degrees(turned):.0f} degrees from there"
+            expected += f", turned {math.degrees(turned):.0f} degrees from the mated angle"
     return Failure(state, outcome, depth, connector.mated_depth, force, tilt, time, expected)
 
 

@@ -92,7 +92,7 @@ class OwnSkillScenario(CampaignScenario):
         usual = {"spread": ScenarioSpread(), "compared": ()}
         varied = [name for name, value in usual.items() if getattr(self, name) != value]
         if self.trials == 1 and varied:
-            allowed = f"2 or more, for what {varied[0]} says"
+            allowed = f"2 or more with {varied[0]}"
             raise ParameterError("trials", self.trials, allowed)
 
 
@@ -183,7 +183,9 @@ def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
     lacks = list(ablated_skills(resolved.insertion)[1:]) if scenario.compared else []
     for name in scenario.compared:
         if name not in lacks:
-            allowed = f"what this skill can lack, each once: {', '.join(lacks) or 'nothing'}"
+            allowed = (
+                f"primitives that this skill can lack, each once: {', '.join(lacks) or 'nothing'}"
+            )
             raise ParameterError("compared", name, allowed)
         lacks.remove(name)
     return resolved
@@ -210,13 +212,13 @@ def _mating_force(traces: Table, connector: Connector) -> dict[str, Metric]:
     most = float(traces["true_wrench_z"][on_its_way].max(initial=-math.inf))
     return {
         "mating_force.computed": Metric(
-            value=connector.mating_force, unit="N", note="of a plug in line, slowly"
+            value=connector.mating_force, unit="N", note="of a slow plug in line"
         ),
         "mating_force.measured": measured(
             most,
             "N",
             note="largest push between the lead-in and the mated depth",
-            missing="it never was that deep",
+            missing="the plug never reached this depth",
         ),
     }
 

@@ -332,7 +332,7 @@ def _answer(plain: Any, path: str) -> Any:
 def _check_used(where: str, names: Iterable[str], used: Collection[str]) -> None:
     for name in names:
         if name not in used:
-            raise UserError(f"{where}.{name} has no effect, allowed: what is used")
+            raise UserError(f"{where}.{name} has no effect, allowed: names that are used")
 
 
 @contextmanager

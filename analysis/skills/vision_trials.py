@@ -381,7 +381,7 @@ def _held(
     return {
         "fixed_point.excursion.max": Metric(value=away, unit="m", note="on the way"),
         "fixed_point.unheld.max": Metric(
-            value=alone, unit="m", note="what the turn alone would make"
+            value=alone, unit="m", note="displacement by the turn alone"
         ),
     }
 
@@ -434,7 +434,7 @@ def map_metrics(cells: Table) -> dict[str, Metric]:
         "map.agreement": Metric(
             value=100 * float(np.mean(found[""] == found["theory."])),
             unit="%",
-            note=f"of {len(cells['converged'])} trials settle if the theory says so",
+            note=f"of {len(cells['converged'])} trials agree with the theory",
         )
     }
     straight, exact = cells["angle"] == 0, cells["focal_factor"] == 1
@@ -443,10 +443,10 @@ def map_metrics(cells: Table) -> dict[str, Metric]:
         low = _farthest(cells["focal_factor"][shorter], good[shorter], reverse=True)
         angle = _farthest(cells["angle"][exact], good[exact])
         metrics[f"{prefix}margin.focal_factor"] = Metric(
-            value=low, unit="", note="least one that settles, orientation right"
+            value=low, unit="", note="smallest that settles, with the right orientation"
         )
         metrics[f"{prefix}margin.orientation"] = Metric(
-            value=angle, unit="rad", note="largest one that settles, focal length right"
+            value=angle, unit="rad", note="largest that settles, with the right focal length"
         )
     return metrics
 

@@ -124,12 +124,12 @@ class ConnectorScenario:
         if self.obstacle is not None and not 0 < self.obstacle < math.inf:
             raise ParameterError("obstacle", self.obstacle, "a finite number > 0, or none")
         if any(self.accommodation.spring):
-            allowed = "six times 0: what a skill pushes with is bounded by the damping alone"
+            allowed = "six times 0: only the damping limits the push of a skill"
             raise ParameterError("accommodation.spring", self.accommodation.spring, allowed)
         for one in fields(WrenchSensorParams) if self.believed_sensor else ():
             value = getattr(self.believed_sensor, one.name)
             if one.name not in _BELIEVED and value != one.default:
-                allowed = f"left open: {', '.join(_BELIEVED)} alone are believed"
+                allowed = f"left open: only {', '.join(_BELIEVED)} can be believed"
                 raise ParameterError(f"believed_sensor.{one.name}", value, allowed)
         stated, believed = self.accommodation.stiffness, self.believed_wrist or self.wrist
         pairs = zip(believed.stiffness, stated, strict=True)
@@ -137,7 +137,7 @@ class ConnectorScenario:
             raise ParameterError(
                 "wrist.stiffness" if self.believed_wrist is None else "believed_wrist.stiffness",
                 believed.stiffness,
-                f"at most what accommodation.stiffness says, {stated}",
+                f"at most accommodation.stiffness, {stated}",
             )
 
 

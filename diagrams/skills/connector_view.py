@@ -68,5 +68,5 @@ def make_connector_view(scenario: ResolvedConnectorScenario, meshcat: Meshcat) -
     params = MeshcatVisualizerParams(prefix="insertion")
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
     diagram = builder.Build()
-    diagram.set_name("Insertion to look at")
+    diagram.set_name("Insertion, 3-D view")
     return ConnectorView(diagram, plant)

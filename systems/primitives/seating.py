@@ -134,7 +134,7 @@ class Seat(Directed):
             allowed = f"0 to less than share, {self.share:g}"
             raise ParameterError("harder", self.harder, allowed)
         if not self.rise < self.share:
-            allowed = f"less than share, {self.share:g}: the end stop is told by it"
+            allowed = f"less than share, {self.share:g}: the end stop is detected by it"
             raise ParameterError("rise", self.rise, allowed)
         if self.free is not None and not 0 < self.free <= self.limit:
             allowed = f"a number > 0, at most the limit, {self.limit:g}; or none"

@@ -106,7 +106,7 @@ def _check_skill(skill: Skill) -> None:
         _check_times(state, where)
         for watch, axis, _ in _watched(state):
             if not any(AXIS_NAMES[dither.index] == axis for dither in _dithers(state)):
-                raise ChartError(f"{where}: {watch.label} watches {axis}, but no dither is run")
+                raise ChartError(f"{where}: {watch.label} watches {axis}, but runs no dither")
     _check_marks(skill)
 
 
@@ -168,7 +168,7 @@ def check_forces(skill: Skill, damping: Sequence[float], connector: "Connector")
             if stands < (most := min(load.force, reached)) < math.inf:
                 raise ChartError(
                     f"{where}: {primitive.label} pushes with {most:g} {unit}, "
-                    f"allowed: at most {stands:g} {unit}, which {connector.name} stands"
+                    f"allowed: at most {stands:g} {unit}, which {connector.name} withstands"
                 )
 
 
@@ -188,15 +188,15 @@ def _check_answers(state: SkillState, where: str) -> None:
     for outcome, answer in state.on.items():
         if outcome not in OUTCOMES:
             valid = ", ".join(OUTCOMES)
-            raise ChartError(f"{where} has an answer to {outcome!r}, valid outcomes: {valid}")
+            raise ChartError(f"{where} has an entry for {outcome!r}, valid outcomes: {valid}")
         if outcome not in (*possible, "timed out"):
             valid = ", ".join([*(one for one in OUTCOMES if one in possible), "timed out"])
             raise ChartError(
-                f"{where} has an answer to {outcome!r}, which nothing that it runs can be, "
+                f"{where} has an entry for {outcome!r}, which none of its primitives can have, "
                 f"possible outcomes: {valid}"
             )
         if not {RETRACT, FAILED}.isdisjoint(targets(answer)):
-            raise ChartError(f"{where}: what fails needs no answer, but {outcome!r} has one")
+            raise ChartError(f"{where}: a failure needs no entry, but {outcome!r} has one")
 
 
 def _check_times(state: SkillState, where: str) -> None:

@@ -152,7 +152,7 @@ def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dithe
     The first one is the slower; it runs N cycles, ``repeats``, until the pattern repeats.
     """
     if axis == first.axis:
-        raise ParameterError("axis", axis, f"another one than {first.axis}")
+        raise ParameterError("axis", axis, f"an axis other than {first.axis}")
     if not repeats >= 1:
         raise ParameterError("repeats", repeats, "a whole number >= 1")
     ratio = (repeats + 1) / repeats

@@ -61,7 +61,7 @@ WORDS: Final = (  # of each trouble, in the order of the numbers
     "on its way to miss the mouth",
     "held in the hole, could not be pulled out",
     "not aligned in time",
-    "the search by touch did not find the hole",
+    "the search by contact did not find the hole",
 )
 
 
@@ -260,7 +260,7 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
             State(name="decide", during=rules.look, note="compensates"),
             State(name="insert", during=rules.advance, note="feeds along the hole's axis"),
             State(name="check", during=rules.rest, note="at rest: how deep is it?"),
-            State(name="release", during=rules.withdraw, note="takes the push away"),
+            State(name="release", during=rules.withdraw, note="removes the push"),
             State(name="back_off", during=rules.withdraw, note="back to the gap"),
             State(name="seated", during=rules.rest, outcome="done"),
             *(
@@ -311,7 +311,7 @@ def _search_states(rules: "_Rules", go: _Go) -> _Part:
     if search is None:
         return [], []
     params, lost = search.params, _blamed(InsertionTrouble.NOT_FOUND)
-    note, beside = "is pushed aside: is it held?", _blamed(InsertionTrouble.BESIDE)
+    note, beside = "tests the hold: pushes aside", _blamed(InsertionTrouble.BESIDE)
     states = [State(name="prove", during=rules.prove, note=note)]
     ways = [
         go("prove", "seated", "held on all sides", rules.proven),

@@ -170,7 +170,7 @@ def test_a_run_with_an_obstacle_is_no_insertion_but_what_it_says_counts() -> Non
     assert found["success_rate"].note == expected
     assert found["false_done"].value == 20.0
     assert found["false_hindered"].value == 20.0
-    assert found["false_hindered"].note == "1 of 5 times that it was told"
+    assert found["false_hindered"].note == "1 of 5 detected obstructions"
     assert found["false_reason"].value == 25.0
     only = success_metrics(attempts(blocked, reasons=["feel: jammed"]))
     assert only["success_rate"].value is None

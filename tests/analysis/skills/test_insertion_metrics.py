@@ -96,7 +96,7 @@ def test_why_a_run_is_no_success(done: SkillResult, reason: str) -> None:
 def test_a_bayonet_that_is_not_locked_is_no_success() -> None:
     said = failure(inserted(depth=BNC.mated_depth, turn=-0.6), BNC)
     assert said is not None
-    assert said.expected == "within 0.5 mm, it is turned 56 degrees from there"
+    assert said.expected == "within 0.5 mm, turned 56 degrees from the mated angle"
 
 
 def test_a_failure_says_what_was_true_when_it_gave_up() -> None:

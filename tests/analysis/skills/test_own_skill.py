@@ -125,7 +125,7 @@ def test_ones_own_primitives_get_names() -> None:
         ),
         (
             STATE % ("{MoveDx: }", "{lost: done}", 3) + "\nretract: [{MoveDx: }]",
-            "skill 'x': 'a' has an answer to 'lost', which nothing that it runs can be",
+            "skill 'x': 'a' has an entry for 'lost', which none of its primitives can have",
         ),
     ],
 )
@@ -241,7 +241,7 @@ def test_a_skill_is_compared_with_what_it_can_lack() -> None:
     assert set(figures(scenario, outcome)) == {"ablation"}
     for names in (["without_spring"], ["whole"], ["without_tare", "without_tare"]):
         with pytest.raises(
-            ParameterError, match=rf"^compared is '{names[-1]}', allowed: what this"
+            ParameterError, match=rf"^compared is '{names[-1]}', allowed: primitives that this"
         ):
             resolve_own_skill(replace(OWN_SKILL, trials=2, compared=tuple(names)))
 

@@ -219,11 +219,14 @@ MOVE: Final = "states: [{name: a, run: [{%s}], on: {timed out: done}, timeout: 9
             "state 'a': run[0].Stick.speed is '5 mm + 1 N', allowed: a number in m/s",
         ),
         (MOVE % "Stick: {speed: 0 N}", RUN + "Stick.speed is 0 N, allowed: a number in m/s"),
-        ("let: {x: 5 mm}\n" + MOVE % "Stick: ", "let.x has no effect, allowed: what is used"),
-        (TAP + MOVE % "Stick: ", "define.tap has no effect, allowed: what is used"),
+        (
+            "let: {x: 5 mm}\n" + MOVE % "Stick: ",
+            "let.x has no effect, allowed: names that are used",
+        ),
+        (TAP + MOVE % "Stick: ", "define.tap has no effect, allowed: names that are used"),
         (
             "define: {a: {with: {x: 1}, states: [b]}}\nstates: [{use: a}]",
-            "use 'a': with.x has no effect, allowed: what is used",
+            "use 'a': with.x has no effect, allowed: names that are used",
         ),
         ("define: {a: }\nstates: [{use: a}]", "use 'a': states is None, allowed: a list of state"),
         ("states: [~]", "state None: name has to be given"),

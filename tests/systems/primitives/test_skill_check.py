@@ -55,7 +55,7 @@ GO: Final = state("go", Fake(), on={"done": DONE})
         *[
             (
                 [state("go", Fake(), on={"done": DONE, "lost": answer})],
-                "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
+                "skill 'test': 'go': a failure needs no entry, but 'lost' has one",
             )
             for answer in (RETRACT, FAILED, Retry("go", 1, Retry(RETRACT)))
         ],
@@ -72,7 +72,7 @@ GO: Final = state("go", Fake(), on={"done": DONE})
         ([state("go", Fake(), on={})], "chart 'test': state 'done' can't be reached"),
         (
             [state("go", Fake(), on={"finished": DONE})],
-            "skill 'test': 'go' has an answer to 'finished', valid outcomes: done, contact, "
+            "skill 'test': 'go' has an entry for 'finished', valid outcomes: done, contact, "
             "lost, hindered, jammed, tilted, timed out",
         ),
         (
@@ -103,7 +103,7 @@ def test_an_answer_to_what_can_t_be_is_refused(
     with pytest.raises(ChartError) as refused:
         make_skill_chart(skill(state("go", primitive, on={"timed out": DONE, answer: DONE})))
     assert str(refused.value) == (
-        f"skill 'test': 'go' has an answer to {answer!r}, which nothing that it runs can be, "
+        f"skill 'test': 'go' has an entry for {answer!r}, which none of its primitives can have, "
         f"possible outcomes: {possible}"
     )
 
@@ -200,19 +200,19 @@ def test_windows_are_a_cycle_of_the_dither(frequency: float, samples: int) -> No
         (
             GuardedMove(speed=0.5, threshold=61.0),
             None,
-            "gmove -z pushes with 61 N, allowed: at most 60 N, which 25-pin D stands",
+            "gmove -z pushes with 61 N, allowed: at most 60 N, which 25-pin D withstands",
         ),
         (
             GuardedMove(direction="+rz", speed=2.0, threshold=1.6),
             None,
-            "gmove +rz pushes with 1.6 N m, allowed: at most 1.5 N m, which 25-pin D stands",
+            "gmove +rz pushes with 1.6 N m, allowed: at most 1.5 N m, which 25-pin D withstands",
         ),
         (Stick(speed=0.075), None, ""),  # 60 N
         (Stick(speed=0.076), (0.0,) * 5 + (math.inf,), ""),
         (
             Stick(speed=0.076),
             None,
-            "stick -z pushes with 60.8 N, allowed: at most 60 N, which 25-pin D stands",
+            "stick -z pushes with 60.8 N, allowed: at most 60 N, which 25-pin D withstands",
         ),
     ],
 )
@@ -241,5 +241,5 @@ def test_states_and_retries_refuse_what_they_can_not_mean() -> None:
 def test_obstruction_is_looked_for_where_there_is_a_dither() -> None:
     watch = Obstructed(axes=("x", "y"), cycle=(0.5, 0.5))
     turn = Dither(kind="rotary", axis="y")  # is no dither along y
-    with pytest.raises(ChartError, match="corr x, y watches y, but no dither is run"):
+    with pytest.raises(ChartError, match="corr x, y watches y, but runs no dither"):
         make_skill_chart(skill(state("go", SHAKE, turn, watch, on={"hindered": DONE})))
