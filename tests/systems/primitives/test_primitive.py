@@ -82,7 +82,11 @@ seat = partial(Seat, limit=115.0)
         (seat, {"through": 20.0}, "through is 20.0, allowed: with steep"),
         (seat, {"steep": (1.0, 2.0), "through": 20.0, "free": 30.0}, "through is 20.0, allowed:"),
         (MoveDx, {"displacement": (0.0,) * 5}, "displacement is (0.0, 0.0, 0.0, 0.0, 0.0), allow"),
-        (lissajous, {"first": Dither(), "axis": "x", "repeats": 4}, "axis is 'x', allowed: anoth"),
+        (
+            lissajous,
+            {"first": Dither(), "axis": "x", "repeats": 4},
+            "axis is 'x', allowed: an axis other",
+        ),
         (lissajous, {"first": Dither(), "axis": "y", "repeats": 0}, "repeats is 0, allowed: a wh"),
         (translation, {"axes": ("z", "x")}, "axes is ('z', 'x'), allowed: some of x, y, z, in th"),
         (translation, {"target": 0}, "target is 0, allowed: another part than the moved"),
