@@ -245,7 +245,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not board.directed and (arguments.right or known or arguments.poses):
         raise UserError(
             f"--board is {arguments.board!r}, allowed with two cameras, a known place or poses: "
-            "one of the two numbers odd and the other even, so that its ends can be told apart"
+            "one of the two numbers odd and the other even, so that its ends differ"
         )
     files = [picture_files(paths) for paths in (arguments.files, arguments.right) if paths]
     if len(files) == 2 and len(files[0]) != len(files[1]):

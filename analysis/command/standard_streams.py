@@ -12,7 +12,7 @@ class OutputError(Exception):
 
 
 class _Output(io.TextIOWrapper):
-    """Standard output whose failures are told from those of files."""
+    """Standard output whose failures differ from those of files."""
 
     def write(self, text: str) -> int:
         with _named():

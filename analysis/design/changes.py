@@ -242,7 +242,7 @@ def _searches(scenario: ResolvedDesignScenario) -> list[Value]:
 _CHOICES: Final = (
     _either("controller.kind", "state machine or PID", "fsm", "pid"),
     _either("insert.compensation", "compensation during the feed", "running", "frozen"),
-    DesignChoice("search.kind", "", "search by touch", _searches),
+    DesignChoice("search.kind", "", "search by contact", _searches),
     DesignChoice("parts.chamfer_width", "m", "width of the chamfers", _chamfers),
     DesignChoice("peg.base.position", "", "place of the peg's arm", _bases),
 )

@@ -212,7 +212,7 @@ def _note(name: str, parameter: str, defined: bool) -> str:
     if name == "onset":
         return "l" if defined else "two points never touch"
     if parameter == "accuracies" and name in ("force", "raw_peak"):
-        return "CENIC's, computed anew from the pose"
+        return "CENIC's, recomputed from the pose"
     if name == "balance" and not defined:
         return "the drives report no work"
     return {"force": "largest median of 10 ms", "balance": "dissipated, of the work"}.get(name, "")

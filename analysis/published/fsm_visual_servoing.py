@@ -1,4 +1,4 @@
-"""What Ruybal, Lumia and Wood print about the simulated loops and the wedging diagram."""
+"""Published values of Ruybal, Lumia and Wood: the simulated loops and the wedging diagram."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""What Ruybal, Lumia and Wood print about the two-arm work cell (sections 4 and 5)."""
+"""Published values of Ruybal, Lumia and Wood: the two-arm work cell (sections 4 and 5)."""
 
 from typing import Final
 

@@ -73,7 +73,7 @@ def _require_few(document: yaml.Node) -> None:
             inside += [inner for pair in node.value for inner in pair]
         elif isinstance(node, yaml.SequenceNode):
             inside += node.value
-    problem = f"more than {_MOST} values, aliases counted as often as they are used"
+    problem = f"more than {_MOST} values, with each use of an alias counted"
     raise yaml.constructor.ConstructorError(None, None, problem, document.start_mark)
 
 

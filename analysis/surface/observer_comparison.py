@@ -153,7 +153,7 @@ def run_comparison(scenario: ObserverComparisonScenario, seed: int, progress: Pr
     on, contenders, up = _prepared(scenario, next(iter(CASES)))
     for observer, one in zip(OBSERVERS, contenders, strict=True):
         took = 1e6 * cost(one, on, up=up, updates=_TIMED)
-        note = "of an update on the machine at hand"
+        note = "of an update, on this machine"
         metrics[f"{observer}.cost"] = Metric(value=took, unit="us", note=note)
     return Outcome(
         metrics=metrics,

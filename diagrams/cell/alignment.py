@@ -164,7 +164,7 @@ def make_alignment_diagram(
                 connect(velocity, cell.arms[arm].desired_velocity)
     export_alignment(builder, cell, motions, error, watch, compensation)
     diagram = builder.Build()
-    diagram.set_name("Alignment by sight")
+    diagram.set_name("Visual alignment")
     return diagram
 
 

@@ -88,7 +88,7 @@ from chamfer.systems.strategies.insertion_search import SearchParams, TouchSearc
 from chamfer.systems.strategies.insertion_task import InsertionTask
 from chamfer.systems.vision.cell_error import AXES
 
-INSERTION: Final = "Insertion by sight"  # the diagram's name
+INSERTION: Final = "Visual insertion"  # the diagram's name
 FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed
 _JOINTS: Final = 1.0  # N, of the joints' dry friction at the tip; see InsertParams
 _FACE: Final = 0.0005  # m, along the axis, by which the cameras are off at most; assumed
@@ -585,7 +585,7 @@ def make_insertion_robot(scenario: ResolvedInsertionScenario, controller: System
     export_cell(builder, cell, motions, error)
     for name, exported in _TOLD.items():
         builder.ExportOutput(controller.GetOutputPort(name), exported)
-    return _built(builder, controller, contact, "Insertion by sight, by a robot")
+    return _built(builder, controller, contact, "Visual insertion by a robot")
 
 
 # What the controller says beside the task, and what the diagram calls it.

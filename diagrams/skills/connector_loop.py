@@ -285,7 +285,9 @@ def add_weight(
     force = np.zeros((plant.num_velocities(), 1))
     force[plant.GetJointByName("z").velocity_start()] = weight
     carried = builder.AddNamedSystem("weight of the plug", MatrixGain(force))
-    rest = builder.AddNamedSystem("what bears it", MatrixGain(-weight * np.eye(SIZE)[:, -1:]))
+    rest = builder.AddNamedSystem(
+        "support of the plug", MatrixGain(-weight * np.eye(SIZE)[:, -1:])
+    )
     touched = builder.AddNamedSystem("what the plug touches", Adder(2, SIZE))
     for gain in (carried, rest):
         builder.Connect(held, gain.get_input_port())

@@ -216,7 +216,7 @@ class MeshConnector(SprungConnector):
                 allowed = f"above 0, below {self.material.stiffness:g}, material.stiffness"
                 raise ParameterError(f"springs.{name}", stiffness, allowed)
         if self.digest not in (None, digest := self.files_digest):
-            allowed = f"null, or that of the files as they are now, {digest}"
+            allowed = f"null, or the digest of the present files, {digest}"
             raise ParameterError("digest", self.digest, allowed)
         if (self.seating_force is None) == (not self.springs):
             allowed = "null with springs" if self.springs else "a number, or springs"

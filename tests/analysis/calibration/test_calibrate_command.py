@@ -175,7 +175,7 @@ def test_a_camera_in_a_hand(
         (
             ["left", "--right", "left", "--board", "chessboard:8x6:25mm"],
             "--board is 'chessboard:8x6:25mm', allowed with two cameras, a known place or poses: "
-            "one of the two numbers odd and the other even, so that its ends can be told apart",
+            "one of the two numbers odd and the other even, so that its ends differ",
         ),
         (
             ["left", "--right", "left", *BOARD],
