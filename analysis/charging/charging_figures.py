@@ -30,9 +30,8 @@ from chamfer.analysis.drawing.figure_style import (
 )
 from chamfer.analysis.scenario.experiment import Outcome, Table
 from chamfer.diagrams.charging.charging_scenario import ResolvedCrucibleChargingScenario
-from chamfer.systems.charging.charging_law import DONE, HALTED, STOPPED, ChargingChart
+from chamfer.systems.charging.charging_law import ChargingChart
 from chamfer.systems.force.contact_detection_law import LOST
-from chamfer.systems.statechart.chart import ANY
 
 Array = NDArray[np.float64]
 
@@ -474,33 +473,10 @@ def _carried(traces: Table) -> NDArray[np.bool_]:
     return still
 
 
-_SELDOM: Final = (HALTED, "back_off")  # drawn only where the run came to it
-# What stands in a row: states by the mode with which their names begin.
-_ROWS: Final = (
-    {"home"},
-    {"acquire"},
-    {"scan", "slew"},
-    {"wall"},
-    {"crown"},
-    {"bulk"},
-    {"release", "retreat", "return", DONE},
-    {ANY, *_SELDOM, STOPPED},
-)
-_MOST: Final = 2  # numbers at a line; a transition is taken with each item
-
-
 def plot_path(chart: ChargingChart, outcome: Outcome) -> Figure:
     """Draw the chart and a run's path through it, from its table ``transitions``."""
-    names = [*chart.state_names, ANY]
-    mode = {name: name.partition(".")[0] for name in names}
     path = outcome.tables["transitions"]
     laid, time = outcome.metrics["cycle.laid"], outcome.metrics["cycle.time"].value
     why = f", then stopped: {laid.note}" if laid.note else ""
-    return plot_chart_path(
-        chart,
-        {**path, "outcome": path["label"]},
-        result=f"{laid.value:g} items laid in {time:.1f} s{why}",
-        rows=[[name for name in names if mode[name] in row] for row in _ROWS],
-        seldom=[name for name in names if mode[name] in _SELDOM],
-        most=_MOST,
-    )
+    result = f"{laid.value:g} items laid in {time:.1f} s{why}"
+    return plot_chart_path(chart, path, result=result)
