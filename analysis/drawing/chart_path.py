@@ -86,7 +86,9 @@ def plot_chart_path(chart: AnyChart, path: Table, *, result: str) -> Figure:
 
 
 def _often(labels: Mapping[str, int]) -> str:
-    each = (f"{label} ×{n}" if n > 1 else label for label, n in labels.items())
+    each = (
+        f"{label} \N{MULTIPLICATION SIGN}{n}" if n > 1 else label for label, n in labels.items()
+    )
     return "; ".join(each)
 
 

@@ -81,7 +81,7 @@ def test_visited_states_are_in_order_with_times_and_transitions() -> None:
     assert [one for one in said if one in states] == states
     assert "push" not in said
     assert "0.00 s, 2 visits" in said  # of approach
-    assert "contact ×2" in said
+    assert "contact \N{MULTIPLICATION SIGN}2" in said
     assert any("shift to approach (done); level to retract (otherwise)" in one for one in said)
     assert "Untaken transitions are hidden." in said
 
