@@ -19,7 +19,7 @@ from chamfer.analysis.design.design import BOUNDED, assess, insert_drawn, interv
 from chamfer.analysis.design.design_map import VERDICTS
 from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
 from chamfer.analysis.drawing.figure_kit import draw_counts
-from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import Style, dress, new_figure
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,
@@ -333,28 +333,56 @@ _MOST_MARGIN: Final = 1.5  # that is drawn, to both sides
 
 def plot_accuracy(traces: Table, metrics: Mapping[str, Metric]) -> Figure:
     """Draw the confusion table, and the seated share over the margin and the predicted share."""
-    figure = new_figure(12.0, 4.4)
-    table, margin, share = figure.subplots(1, 3, width_ratios=[0.9, 1.2, 1.0])
+    contradicted = sum(
+        round(metrics[f"confusion.{said}.{became}"].value or 0.0)
+        for said, became in (
+            ("certain", "some"),
+            ("certain", "none"),
+            ("no", "some"),
+            ("no", "all"),
+        )
+    )
+    caption = (
+        "Verdicts of random designs against what was simulated, and the seated share over the "
+        "smallest margin and over the predicted share, with 95 % intervals."
+    )
+    figure = new_figure(8.0, 6.4, caption=caption)
+    grid = figure.add_gridspec(2, 2, height_ratios=[0.8, 1.0])
+    table = figure.add_subplot(grid[0, :])
+    margin, share = (figure.add_subplot(grid[1, i]) for i in range(2))
     counts = [
         [round(metrics[f"confusion.{said}.{became}"].value or 0.0) for became in _BECAME]
         for said in VERDICTS
     ]
-    dress(table, title="Designs", x="", y="")
+    title = f"(a) Simulation contradicts {contradicted} of {np.sum(counts)} verdicts"
+    dress(table, title=title, x="", y="")
     table.grid(False)
     called, seated = [f"called\n{one}" for one in VERDICTS], [f"{one} seated" for one in _BECAME]
     draw_counts(table, np.array(counts), called, seated)
     # That of a link without bound is undefined.
     bounded = np.clip(np.nan_to_num(traces["margin"], nan=-np.inf), -_MOST_MARGIN, _MOST_MARGIN)
     for axes, over, line, title, x in (
-        (margin, bounded, [0, 0], "the smallest margin", "smallest margin / of what is allowed"),
-        (share, traces["share"], [0, 1], "the predicted share", "drawn errors inside / share"),
+        (
+            margin,
+            bounded,
+            [0, 0],
+            "(b) Over the smallest margin",
+            "margin / share of what is allowed",
+        ),
+        (
+            share,
+            traces["share"],
+            [0, 1],
+            "(c) Over the predicted share",
+            "random cells within the limits / share",
+        ),
     ):
         _seated(axes, traces, over)
         axes.plot(line, [0, 1], color="#555555", linewidth=0.8)
-        y = "seated / share of the insertions"
-        dress(axes, title=f"Seated, over {title}", x=x, y=y)
+        dress(axes, title=title, x=x, y="seated / share of the insertions")
     if len(margin.get_legend_handles_labels()[0]):
-        legend(margin, loc="center right")
+        below: Style = {"loc": "outside lower center", "fontsize": 8, "frameon": False, "ncols": 3}
+        figure.legend(*margin.get_legend_handles_labels(), **below)
     return figure
 
 

@@ -258,7 +258,8 @@ _HERE: Final[Style] = {
 
 def plot_map(found: DesignMap) -> Figure:
     """Draw the verdict over two fields, next to the limiting link."""
-    figure = new_figure(10.0, 4.6)
+    fields = f"{found.x.path} and {found.y.path}"
+    figure = new_figure(8.0, 4.6, caption=f"Verdict and limiting link of a design over {fields}.")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     refused = found.verdict == REFUSED
     shown = {name: colour for name, colour in VERDICTS.items() if (found.verdict == name).any()}
@@ -269,8 +270,10 @@ def plot_map(found: DesignMap) -> Figure:
     for name, colour in links.items():
         colours[~refused & (found.limiting == name)] = to_rgb(colour)
     _show(right, found, colours, links)
-    dress(left, title="Verdict", x=_label(found.x), y=_label(found.y))
-    dress(right, title="The smallest margin is that of", x=_label(found.x), y="")
+    certain = int((found.verdict == "certain").sum())
+    title = f"{certain} of {found.verdict.size} points are certain"
+    dress(left, title=title, x=_label(found.x), y=_label(found.y))
+    dress(right, title="Limiting link", x=_label(found.x), y="")
     for axes in (left, right):
         axes.grid(False)
         axes.legend(

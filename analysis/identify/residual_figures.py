@@ -23,7 +23,8 @@ class Residual(NamedTuple):
 
 def draw_residuals(residuals: Sequence[Residual]) -> Figure:
     """Return a panel for each residual, with its root mean square."""
-    figure = new_figure(7.0, 1.9 * len(residuals))
+    caption = "Residuals of the fits over time, with their root mean squares."
+    figure = new_figure(7.0, 1.9 * len(residuals), caption=caption)
     panels = figure.subplots(len(residuals), 1, squeeze=False, sharex=True)[:, 0]
     for axes, one in zip(panels, residuals, strict=True):
         columns = one.values.reshape(len(one.time), -1)

@@ -17,7 +17,7 @@ _COLOURS: Final = ("#1b4f9c", "#e07b00", "#2e7d32", "#7a0060", "#00838f", "#6d4c
 _DIFFERS: Final[Style] = {"color": "#d32f2f", "alpha": 0.25, "linewidth": 0.8}
 _LOGGED: Final[Style] = {"linewidth": 3.6, "alpha": 0.35, "drawstyle": "steps-post"}
 _REPLAYED: Final[Style] = {"linewidth": 1.1, "drawstyle": "steps-post"}
-_A_STATE: Final = 0.14  # inches of height
+_A_STATE: Final = 0.16  # inches of height
 
 
 def replay_figure(found: Replay) -> Figure:
@@ -33,7 +33,10 @@ def replay_figure(found: Replay) -> Figure:
     heights = [max(1.0, _A_STATE * len(one.states)) for one in drawn]
     state = drawn[0]
     visits = state_visits(times, state.replayed[:, 0], state.states) if state.states else []
-    figure = new_figure(11.0, 1.2 + 1.4 * sum(heights))
+    differ = sum(bool(one.differs.any()) for one in found.outputs)
+    said = f"{differ} of {len(found.outputs)} outputs differ" if differ else "no output differs"
+    caption = f"Outputs of {found.controller} as logged and as replayed from the log: {said}."
+    figure = new_figure(8.0, 1.2 + 1.4 * sum(heights), caption=caption)
     for axes, one in zip(time_axes(figure, times, heights, visits=visits), drawn, strict=True):
         shade(axes, times, one.differs.any(axis=1), "", _DIFFERS)
         shown = moving[one.name] or [0]
@@ -43,10 +46,10 @@ def replay_figure(found: Replay) -> Figure:
         unit = ", ".join(dict.fromkeys(one.units[i] for i in shown))
         dress(axes, title=one.name, x="time / s" if one is drawn[-1] else "", y=unit)
         if one.states:
-            axes.set_yticks(range(len(one.states)), one.states, fontsize=7)
+            axes.set_yticks(range(len(one.states)), one.states, fontsize=8)
         elif len(one.units) > 1:
             legend(axes, ncols=2 + len(shown) // 12, **BESIDE)
-    figure.suptitle(found.controller, fontsize=10)
+    figure.suptitle(f"{found.controller}: {said}", fontsize=10)
     key: list[Artist] = [
         Line2D([], [], label="log", **_LOGGED),
         Line2D([], [], label="replayed", **_REPLAYED),

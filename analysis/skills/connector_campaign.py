@@ -30,9 +30,7 @@ from chamfer.analysis.drawing.figure_kit import (
 )
 from chamfer.analysis.drawing.figure_style import (
     FORCE,
-    FSM,
     LIMIT,
-    PID,
     PUBLISHED,
     Style,
     dress,
@@ -555,21 +553,30 @@ AIM: Final = 1.5  # of the mating force
 _GOOD: Final[Style] = {"marker": "o", "s": 36, "edgecolor": "white", "linewidth": 0.6}
 _FAILED: Final[Style] = {"marker": "x", "s": 60, "color": "#b00020", "linewidth": 2.0}
 _LISTED: Final = 6  # reasons in the figure
-_STYLES: Final[tuple[Style, ...]] = (FSM, PID, {**PID, "color": "#2a7f3f", "linestyle": ":"})
+_BELOW: Final[Style] = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.16), "ncols": 2}
+_STYLES: Final[tuple[Style, ...]] = (  # of searches
+    {"color": "#8d6e00", "linestyle": "-", "linewidth": 1.8},
+    {"color": "#0097a7", "linestyle": "--", "linewidth": 1.8},
+    {"color": "#2e7d32", "linestyle": ":", "linewidth": 1.8},
+)
 _TRIAL: Final[Style] = {"s": 26, "edgecolor": "white", "linewidth": 0.6}
 
 
 def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
     """Draw the trials over their initial errors, rad above m, and peak forces and durations."""
     rows = outcome.traces
-    figure = new_figure(11.0, 8.0)
+    caption = (
+        "Initial errors of the plug, with a cross for each failed run, and the largest force "
+        "and the duration of each run."
+    )
+    figure = new_figure(8.0, 7.6, caption=caption)
     (lateral, angular), (force, duration) = figure.subplots(2, 2)
     free = np.isnan(rows["obstacle"])
     good, failed = free & (rows["success"] > 0), free & ~(rows["success"] > 0)
     others = "" if free.all() else f"; {(~free).sum()} more with an obstacle"
     figure.suptitle(
         f"{good.sum()} of {free.sum()} insertions succeed{_interval(outcome)}{others}",
-        fontsize=12,
+        fontsize=10,
         fontweight="bold",
     )
     _errors(
@@ -580,7 +587,7 @@ def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
         shade=rows["retries"],
         shaded="retries",
     )
-    dress(lateral, title="(a) Lateral errors", x="x / mm", y="y / mm")
+    dress(lateral, title=f"(a) Lateral errors: {_failures(failed)}", x="x / mm", y="y / mm")
     degrees = [np.rad2deg(rows[f"initial_r{axis}"] - middle[i]) for i, axis in enumerate("xyz")]
     about = f" beyond {math.degrees(middle[2]):.0f}°" if middle[2] else ""
     _errors(angular, degrees[:2], good, failed, shade=degrees[2], shaded=f"about z{about} / deg")
@@ -593,16 +600,19 @@ def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
     draw_distribution(force, rows["force.peak_share"], least=AIM)
     force.axvline(1.0, label="mating force", **LIMIT)
     force.axvline(AIM, label=f"target, {AIM:g} times that", **PUBLISHED)
-    dress(
-        force,
-        title="(c) Largest force of a run over its true mating force",
-        x="force along the insertion / mating force",
-        y="runs",
-    )
-    legend(force, loc="upper left")
+    above = 100 * float(np.mean(rows["force.peak_share"] > AIM))
+    title = f"(c) {above:.3g} % of the runs exceed the target"
+    dress(force, title=title, x="largest push / mating force", y="runs")
+    legend(force, **_BELOW)
     draw_distribution(duration, rows["duration"])
-    dress(duration, title="(d) Duration of a run", x="time / s", y="runs")
+    title = f"(d) Half of the runs take {np.nanmedian(rows['duration']):.3g} s or less"
+    dress(duration, title=title, x="time / s", y="runs")
     return figure
+
+
+def _failures(failed: NDArray[np.bool_]) -> str:
+    count = int(failed.sum())
+    return f"{count} failure{'' if count == 1 else 's'}" if count else "none fails"
 
 
 def _interval(outcome: Outcome) -> str:
@@ -635,7 +645,11 @@ def plot_searches(rows: Table) -> Figure:
     Trials with an obstacle are left out.
     """
     free = np.isnan(rows["obstacle"])
-    figure = new_figure(11.0, 4.6)
+    caption = (
+        "Share of the insertions done over time with each search, and times of the same trials "
+        "with two searches. Trials with an obstacle are left out."
+    )
+    figure = new_figure(8.0, 4.2, caption=caption)
     share, pairs = figure.subplots(1, 2)
     times = {}
     for search, style in zip(dict.fromkeys(rows["search"].tolist()), _STYLES, strict=False):
@@ -647,11 +661,10 @@ def plot_searches(rows: Table) -> Figure:
     share.set_xlim(0.0, None)
     dress(
         share,
-        title="(a) Done after",
+        title=f"(a) {_fastest(times)}",
         x="time / s",
-        y="share of the trials without an obstacle / %",
+        y="trials that are done / %",
     )
-    legend(share, loc="lower right")
     (first, its), *rest = times.items()
     ends = [math.inf, 0.0]
     for (search, others), style in zip(rest, _STYLES[1:], strict=False):
@@ -663,20 +676,35 @@ def plot_searches(rows: Table) -> Figure:
     if ends[1]:
         line = [0.95 * ends[0], 1.05 * ends[1]]
         pairs.plot(line, line, label="the same time", **LIMIT)
-        legend(pairs, loc="upper left")
     pairs.set_aspect("equal", adjustable="datalim")
     dress(
         pairs,
-        title="(b) The same randomised scenarios",
+        title="(b) The same trials",
         x=f"time with {first} / s",
         y="time with another search / s",
     )
+    for axes in (share, pairs):
+        if axes.get_legend_handles_labels()[0]:
+            legend(axes, **_BELOW)
     return figure
+
+
+def _fastest(times: Mapping[str, Mapping[int, float]]) -> str:
+    """Return which search has half of its trials done first."""
+    medians = {search: float(np.median(list(of.values()))) for search, of in times.items()}
+    best = min(medians, key=lambda search: medians[search])
+    if math.isinf(medians[best]):
+        return "No search completes half of the trials"
+    return f"Fastest: {best}, half are done after {medians[best]:.3g} s"
 
 
 def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
     """Draw the rate of success, the duration and the peak force of every skill."""
-    figure = new_figure(11.0, 1.6 + 0.45 * len(skills))
+    caption = (
+        "Rate of success with its 95 % interval, duration and largest push of each variant of the "
+        "skill. Each dash is a run, each dot the mean."
+    )
+    figure = new_figure(8.0, 1.6 + 0.45 * len(skills), caption=caption)
     rate, duration, force = figure.subplots(1, 3, sharey=True)
     middle, low, high = (
         [metric_value(outcome.metrics, f"{name}.success_rate{end}") for name in skills]
@@ -694,7 +722,11 @@ def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
     force.axvline(1.0, **LIMIT)
     for axes in (duration, force):
         axes.set_xlim(left=0.0)
-    dress(rate, title="(a) Success, 95 % interval", x="runs with a free way / %", y="")
-    dress(duration, title="(b) Duration, runs and mean", x="time / s", y="")
-    dress(force, title="(c) Peak force, runs and mean", x="force / true mating force", y="")
+    least = int(np.argmin(middle))
+    worst = skills[least].replace("_", " ")
+    said = f"The fewest runs succeed with the skill {worst}: {middle[least]:.3g} %"
+    figure.suptitle(said, fontsize=10, fontweight="bold")
+    dress(rate, title="(a) Success", x="runs with a free path / %", y="")
+    dress(duration, title="(b) Duration", x="time / s", y="")
+    dress(force, title="(c) Largest push", x="push / mating force", y="")
     return figure

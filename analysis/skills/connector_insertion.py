@@ -119,7 +119,11 @@ def plot_insertion(
     traces: Table, path: Table, *, states: Sequence[str], mated: float, mating_force: float
 ) -> Figure:
     """Draw V_cmd and V_ref axis by axis as in the paper, forces, torques and the depth."""
-    figure = new_figure(12.0, 14.0)
+    caption = (
+        "Commanded velocity V_cmd and velocity V_ref after accommodation by axis, then push, "
+        "torques and depth. The states of the skill are on top."
+    )
+    figure = new_figure(8.0, 11.0, caption=caption)
     time, visits = traces["time"], _visits(traces, path, states)
     heights = (*(0.8,) * 6, 1.15, 0.9, 1.15)
     *axis_by_axis, force, torque, depth = time_axes(
@@ -134,15 +138,19 @@ def plot_insertion(
     _legend(axis_by_axis[0])
     force.plot(time, traces["wrench_z"], **FORCE)
     force.axhline(mating_force, label=f"mating force, {mating_force:.3g} N", **LIMIT)
-    _dress(force, "push\nN")
+    peak = float(np.nanmax(traces["wrench_z"]))
+    share = peak / mating_force
+    _dress(force, "push\nN", title=f"Largest push {peak:.3g} N, {share:.2g} of the mating force")
     for axis, colour in _TORQUES.items():
         look: Style = {"color": colour, "linewidth": 1.0, "label": f"about {axis[1]}"}
         torque.plot(time, traces[f"wrench_{axis}"], **look)
-    _dress(torque, "torque\nN m")
+    most = max(_TORQUES, key=lambda axis: float(np.nanmax(np.abs(traces[f"wrench_{axis}"]))))
+    _dress(torque, "torque\nN m", title=f"Largest torque about {most[1]}")
     beside = np.hypot(traces["lateral_x"], traces["lateral_y"]) > _BESIDE
     deep = np.where(beside, np.nan, traces["depth"])
     _draw_depth(depth, time, deep, mated, "depth, of a plug above its socket")
-    _dress(depth, "depth\nmm", x="time / s")
+    reached = 1e3 * float(np.nanmax(deep, initial=0.0))
+    _dress(depth, "depth\nmm", x="time / s", title=f"Depth reaches {reached:.3g} mm")
     for axes in (force, torque, depth):
         _legend(axes)
     return figure
@@ -159,9 +167,10 @@ def plot_failure(
     course: Table, row: Mapping[str, Any], *, title: str, states: Sequence[str], mated: float
 ) -> Figure:
     """Draw states, depth, force and tilt over the time of a failed trial, with its row."""
-    figure, time = new_figure(12.0, 7.0), course["time"]
+    caption = "Depth, push and tilt of the plug in a failed trial, with the states on top."
+    figure, time = new_figure(8.0, 6.5, caption=caption), course["time"]
     lines = title.replace(": ", ":\n", 1).replace("; ", ";\n")
-    figure.suptitle(lines, fontsize=11, fontweight="bold")
+    figure.suptitle(lines, fontsize=10, fontweight="bold")
     visits = state_visits(time, course["state"], states)
     depth, force, tilt = time_axes(figure, time, (1.2, 1.0, 0.7), visits=visits, strip=0.9)
     _draw_depth(depth, time, course["depth"], mated, "true depth")
@@ -185,8 +194,8 @@ def _visits(traces: Table, path: Table, states: Sequence[str]) -> list[Visit]:
     return [*visits, (begin, float(traces["time"][-1]), states[round(float(traces["state"][-1]))])]
 
 
-def _dress(axes: Axes, y: str, x: str = "") -> None:
-    dress(axes, title="", x=x, y=y)
+def _dress(axes: Axes, y: str, x: str = "", title: str = "") -> None:
+    dress(axes, title=title, x=x, y=y)
     axes.yaxis.label.set_fontsize(8.5)
 
 

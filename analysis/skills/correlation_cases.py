@@ -47,6 +47,7 @@ _LABELS: Final = {
     "noisy": "noisy force sensor",
     "biased": "biased force sensor",
 }
+_SHORT: Final = ("free", "both", "one", "noisy", "biased")
 _LATER: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.4}
 _THEORY: Final[Style] = {"color": "black", "marker": "_", "markersize": 26, "linestyle": "none"}
 _MEASURED: Final[Style] = {"color": "#e07b00", "marker": "o", "markersize": 3, "alpha": 0.5}
@@ -179,7 +180,11 @@ def theory(scenario: ResolvedCorrelationScenario, name: str) -> float:
 
 def figures(scenario: ResolvedCorrelationScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw a cycle of every case, and C of all windows next to the theory."""
-    figure = new_figure(11.0, 7.0)
+    caption = (
+        "Commanded velocity and motion of one cycle in five cases, and the correlation C of each "
+        "window with its theory."
+    )
+    figure = new_figure(8.0, 6.2, caption=caption)
     grid = figure.add_gridspec(2, 6)
     table = outcome.tables["cycles"]
     phase = 360 * table["sample"] / scenario.samples
@@ -189,12 +194,12 @@ def figures(scenario: ResolvedCorrelationScenario, outcome: Outcome) -> Mapping[
         axes.plot(phase, 1e3 * table["command"], label="commanded", **DESIRED)
         axes.plot(phase, 1e3 * table[f"{name}_motion"], label="motion, first cycle", **FSM)
         axes.plot(phase, 1e3 * table[f"{name}_later"], label="motion, third cycle", **_LATER)
-        title = f"({'abcde'[i]}) {label[0].upper()}{label[1:]}"
+        mean = float(np.mean(outcome.traces[name]))
+        title = f"({'abcde'[i]}) {label[0].upper()}{label[1:]}\nC = {mean:.2g}"
         dress(axes, title=title, x="phase / deg", y="velocity / (mm/s)" if k == 0 else "")
         axes.set_xticks([0, 90, 180, 270, 360])
-        if i == 0:
-            legend(axes, loc="upper center")
-            axes.margins(y=0.35)
+    below: Style = {"loc": "outside lower center", "fontsize": 8, "frameon": False, "ncols": 3}
+    figure.legend(*axes.get_legend_handles_labels(), **below)
     axes = figure.add_subplot(grid[1, 4:])
     axes.axhline(FREE, label=r"published: $\pi^2/8$", **PUBLISHED)
     for i, name in enumerate(_LABELS):
@@ -206,8 +211,8 @@ def figures(scenario: ResolvedCorrelationScenario, outcome: Outcome) -> Mapping[
             axes.plot(i, expected, **_THEORY)
     axes.plot([], [], label="windows", linestyle="none", **_MEASURED)
     axes.plot([], [], label="theory", **_THEORY | {"markersize": 10})
-    axes.set_xticks(range(len(_LABELS)), ["free", "both", "one", "noisy", "biased"])
-    axes.set_ylim(0.0, 1.75)
-    dress(axes, title="(f) Correlation, window by window", x="", y="C")
-    legend(axes, loc="lower right")
+    axes.set_xticks(range(len(_LABELS)), _SHORT)
+    axes.set_ylim(0.0, 2.3)
+    dress(axes, title="(f) C of each window", x="", y="C")
+    legend(axes, loc="upper right")
     return {"correlation": figure}

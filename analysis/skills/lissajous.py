@@ -136,8 +136,12 @@ def figures(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figur
     """Draw the first patterns and the covering radius over N."""
     repeats, amplitude = scenario.repeats, scenario.amplitude
     shown = list(repeats)[:_SHOWN]
-    figure = new_figure(12.0, 6.8)
-    grid = figure.add_gridspec(2, 4, height_ratios=(1.25, 1.0))
+    caption = (
+        "Lissajous patterns with N cycles, and the largest distance of a point of the square from "
+        "a pattern, measured and by theory. Denser patterns take longer."
+    )
+    figure = new_figure(8.0, 5.4, caption=caption)
+    grid = figure.add_gridspec(2, 4, height_ratios=(1.0, 1.4))
     traces = outcome.traces
     for i, n in enumerate(shown):
         axes = figure.add_subplot(grid[0, i])
@@ -146,15 +150,14 @@ def figures(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figur
         corner = -1e3 * amplitude
         axes.add_patch(Rectangle((corner, corner), -2 * corner, -2 * corner, fill=False, lw=0.6))
         axes.set_aspect("equal")
-        title = f"({'abcd'[i]}) N = {n}, ratio {n + 1}/{n}"
+        title = f"({'abcd'[i]}) N = {n}"
         dress(axes, title=title, x="slower axis / mm", y="y / mm" if i == 0 else "")
     axes = figure.add_subplot(grid[1, :])
     radii, expected = (
         np.array([outcome.metrics[f"{name}.n{n}"].value for n in repeats], dtype=np.float64)
         for name in ("covering_radius", "theory.covering_radius")
     )
-    label = "measured: the farthest that a point of the square is from the pattern"
-    axes.loglog(repeats, 1e3 * radii, marker="o", label=label, **FSM)
+    axes.loglog(repeats, 1e3 * radii, marker="o", label="measured", **FSM)
     axes.loglog(
         repeats,
         1e3 * expected,
@@ -167,7 +170,10 @@ def figures(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figur
     axes.set_yticks(ticks, [f"{one:g}" for one in ticks])
     axes.minorticks_off()
     axes.set_ylim(0.8e3 * float(np.nanmin(radii)), 1.25e3 * float(np.nanmax(expected)))
-    title = f"({'abcde'[len(shown)]}) Denser patterns take longer"
+    title = (
+        f"({'abcde'[len(shown)]}) The covering radius falls from {1e3 * radii[0]:.2g} to "
+        f"{1e3 * radii[-1]:.2g} mm"
+    )
     dress(axes, title=title, x="N, cycles until the pattern repeats", y="covering radius / mm")
     legend(axes)
     return {"lissajous": figure}

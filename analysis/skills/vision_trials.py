@@ -497,18 +497,23 @@ def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str
         f"focal lengths wrong by {100 * scenario.focal_error:.3g} %, "
         f"orientations by {math.degrees(scenario.orientation_error):.3g} degrees"
     )
-    figure = new_figure(13.5, 7.6)
-    figure.suptitle(f"True errors of all trials; {wrong}", fontsize=11)
-    grid = figure.add_gridspec(2, 8)
+    caption = (
+        f"True errors over time of all trials of four visual primitives, with {wrong}, and a map "
+        "of how far calibration may be off."
+    )
+    figure = new_figure(8.0, 9.6, caption=caption)
+    figure.suptitle(f"True errors of all trials; {wrong}", fontsize=10)
+    grid = figure.add_gridspec(3, 8, height_ratios=(1.0, 1.0, 1.2))
     for i, panel in enumerate(_PANELS):
-        axes = figure.add_subplot(grid[0, 2 * i : 2 * i + 2])
+        row, k = divmod(i, 2)
+        axes = figure.add_subplot(grid[row, 4 * k : 4 * k + 4])
         courses = _curves(outcome, panel.name, panel.column)
         share = outcome.metrics[f"{panel.name}.converged"]
         title = f"({'abcd'[i]}) {panel.title}\n{share.note} settle"
         draw_lines(axes, (), courses, title=title, y=panel.label)
         axes.set_yscale("log")
         axes.set_ylim(bottom=_LEAST)
-    axes = figure.add_subplot(grid[1, :3])
+    axes = figure.add_subplot(grid[2, :3])
     alone = outcome.metrics["fixed_point.unheld.max"].value
     levels = []
     if alone is not None:
@@ -518,13 +523,13 @@ def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str
         axes,
         (),
         _curves(outcome, "fixed_point", "error_m"),
-        title="(e) The fixed point, on the way",
+        title="(e) Drift of the fixed point",
         y="point from start / mm",
         levels=levels,
         key="center right" if levels else None,
     )
     axes.set_ylim(bottom=0.0)
-    _draw_map(figure.add_subplot(grid[1, 3:]), outcome)
+    _draw_map(figure.add_subplot(grid[2, 3:]), outcome)
     return {"vision-primitives": figure}
 
 
