@@ -36,7 +36,7 @@ VISITS: Final = ("#ffffff", "#eceff4")  # behind curves, in turns
 _STRIP: Final = ("#cfe0f5", "#f9dcb8")
 _BAD: Final = "#f3b6b6"
 _WRONG: Final = ("jammed", "tilted", "timed out", "failed")  # ends of a visit's name
-_APART: Final = 0.0125  # of the width, of two names
+_APART: Final = 0.018  # of the width, of two names
 _BARS: Final = 40  # of a distribution
 _LEAST_SHARE: Final = 8.0  # %, of a bar that is labelled
 
