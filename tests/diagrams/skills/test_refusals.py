@@ -27,7 +27,7 @@ SPRUNG = AdmittanceParams(stiffness=(0.0,) * 6, spring=(1.0,) * 6)
         (
             ConnectorScenario,
             {"believed_sensor": WrenchSensorParams(noise=1.0)},
-            "believed_sensor.noise is 1.0, allowed: left open: only origin, cross_talk, decoupling ",
+            "believed_sensor.noise is 1.0, allowed: left open: only origin, cross_talk, decoupl",
         ),
         (ConnectorScenario, {"accommodation": SPRUNG}, f"accommodation.spring is {SPRUNG.spring}"),
         (CorrelationScenario, {"dither": Dither(frequency=3.3)}, "dither.frequency is 3.3, allow"),
