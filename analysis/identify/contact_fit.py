@@ -182,7 +182,7 @@ def _best_axes(
         how = "one of them points the other way"
         if np.trace(mirror.mending) < -2.5:
             how = "they look like those of the tool on the surface: turn their sign"
-        raise UserError(f"the axes of the force are mirrored, no rotation mends them; {how}")
+        raise UserError(f"the axes of the force are mirrored, no rotation corrects them; {how}")
     gain = agreements[-1] - agreements[0]
     return fits[-1 if gain.mean() > 2 * gain.std(ddof=1) / np.sqrt(len(gain)) else 0]
 

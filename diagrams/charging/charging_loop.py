@@ -51,18 +51,18 @@ def make_charging_diagram(
 ) -> Diagram:
     """Build the loop; it exports the state of the cell, and the chart's and controller's outputs.
 
-    The cycle knows the world by what it believes of the station and the nuggets, by the encoders,
-    the wrist's force sensor and the gripper's part sensor.
+    The cycle knows the cell only by its beliefs of the station and the nuggets, the encoders, the
+    wrist's force sensor and the gripper's part sensor.
 
     Args:
-        scenario: What the blocks are like.
-        controller: A user's own, in place of the
+        scenario: Parameters of the blocks.
+        controller: Your own, in place of the
             :class:`chamfer.systems.force.hybrid_controller.HybridController`; with its ports, as
             :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists them, and
             the input ``desired_velocity`` (7), m/s and rad/s.
 
     Raises:
-        ParameterError: If the controller's ports are others.
+        ParameterError: If the controller has other ports.
     """
     arm, control, plant = scenario.ARM, scenario.controller, scenario.plant
     model = scenario.believed_dynamics()

@@ -221,7 +221,7 @@ class FaultParams:
             raise ParameterError("item", self.item, f"an item that meets it: {' or '.join(met)}")
         mode = self.state.partition(".")[0]
         if self.kind in TIMED and mode in _LAYING and mode != kind:
-            raise ParameterError("state", self.state, f"one that a {kind} item comes to")
+            raise ParameterError("state", self.state, f"a state that a {kind} item reaches")
 
     @property
     def lasting(self) -> float:

@@ -93,12 +93,12 @@ def make_hybrid_diagram(
     It exports ``encoders``, ``measured_encoders``, ``contact_force``, ``contact``, ``torque``,
     ``position_error``, ``force_error`` and ``mode``.
 
-    The controller knows the arm by its encoders and its force sensor alone (with friction
-    compensation also by the torque sensor under its base). One of the user's own has the ports
+    The controller knows the arm only by its encoders and its force sensor (with friction
+    compensation also by the torque sensor under its base). Your own controller needs the ports
     that :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists.
 
     Raises:
-        ParameterError: If the scenario leaves something open, or the controller lacks a port.
+        ParameterError: If a field of the scenario is open, or the controller lacks a port.
     """
     arm, task, control = scenario.ARM, scenario.task, scenario.controller
     if controller is None:

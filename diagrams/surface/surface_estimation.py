@@ -120,14 +120,17 @@ def make_estimation_diagram(
 ) -> Diagram:
     """Return the open loop of Fig. 5-1.
 
-    Outputs: the observer's ``normal``, ``covariance``, ``deviation`` and ``status``; what it is
-    given, ``measured_force`` and ``measured_force_rate`` (of the gripper on the surface) and
-    ``nominal_motion``; and the truth, ``contact_force`` and ``contact``
-    (:class:`chamfer.systems.contact.sliding_contact.SlidingContact`).
+    Outputs:
+
+    * the observer's ``normal``, ``covariance``, ``deviation`` and ``status``;
+    * its inputs ``measured_force`` and ``measured_force_rate`` (of the gripper on the surface) and
+      ``nominal_motion``;
+    * the truth, ``contact_force`` and ``contact``
+      (:class:`chamfer.systems.contact.sliding_contact.SlidingContact`).
 
     Args:
-        scenario: What the blocks are like.
-        observer: A user's own, in place of the
+        scenario: Parameters of the blocks.
+        observer: Your own, in place of the
             :class:`chamfer.systems.estimation.surface_observer.SurfaceObserver`, in d dimensions.
             Inputs: ``measured_force`` (d), N, and ``measured_force_rate`` (d), N/s, of the
             gripper on the surface; ``nominal_motion`` (2d), m and m/s; ``predicted_normal`` (d)
@@ -135,7 +138,7 @@ def make_estimation_diagram(
             (d * d), by rows; ``deviation`` (1), rad; ``status`` (1).
 
     Raises:
-        ParameterError: If the observer's ports are others.
+        ParameterError: If the observer has other ports.
     """
     builder = DiagramBuilder()
     source = TrajectorySource(

@@ -220,13 +220,13 @@ def make_tracking_diagram(
     and the controller's ``effort`` (N), ``position_error`` and ``force_error``.
 
     Args:
-        scenario: What the blocks are like.
-        controller: A user's own, in place of the hybrid law; with its ports, as
+        scenario: Parameters of the blocks.
+        controller: Your own, in place of the hybrid law; with its ports, as
             :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists them, of an
             arm whose d joints are its d coordinates.
 
     Raises:
-        ParameterError: If the controller's ports are others.
+        ParameterError: If the controller has other ports.
     """
     kinematics = cartesian_kinematics(scenario.dimension)
     if controller is None:

@@ -366,13 +366,13 @@ def make_unknown_wall_diagram(
     force and motion. The arm searches lost contact along the last normal.
 
     Args:
-        scenario: What the blocks are like.
-        controller: A user's own, in place of the
+        scenario: Parameters of the blocks.
+        controller: Your own, in place of the
             :class:`chamfer.systems.force.hybrid_controller.HybridController`; with its ports, as
             :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists them.
 
     Raises:
-        ParameterError: If the controller's ports are others.
+        ParameterError: If the controller has other ports.
     """
     arm, task, control = scenario.ARM, scenario.task, scenario.controller
     d, m = scenario.dimension, scenario.ARM.num_coordinates

@@ -61,7 +61,7 @@ def _with(name: str, change: Callable[[NDArray[np.float64]], object]) -> Callabl
             "force along z is 40 N in 1313 rows and never more: the sensor is clipped",
         ),
         (_with("force", lambda force: 0 * force), "force never changes"),
-        (_with("force", lambda force: force * [1, -1, 1]), "mirrored, no rotation mends them"),
+        (_with("force", lambda force: force * [1, -1, 1]), "mirrored, no rotation corrects them"),
         (_with("force", lambda force: force.astype(str)), "force[0] is no column of numbers"),
         (_with("force", lambda force: force.astype(object)), "Object arrays cannot be loaded"),
     ],

@@ -139,7 +139,7 @@ def test_a_turned_sensor_is_found_in_whatever_axes_forces_are() -> None:
 )
 def test_axes_that_no_rotation_mends_are_an_error(signs: tuple[float, ...], said: str) -> None:
     mirrored = turned(recorded("table_b"), lambda f: np.asarray(f * signs))
-    with pytest.raises(UserError, match=f"no rotation mends them; .*{said}"):
+    with pytest.raises(UserError, match=f"no rotation corrects them; .*{said}"):
         identify(mirrored)
 
 

@@ -88,7 +88,7 @@ def test_quaternions_are_rotations_if_their_length_is_1(log: Log, tmp_path: Path
     )
     assert turned.magnitude().max() < 1e-6
     np.savez(path, time=log.time, force=log.force, rotation=2 * quaternions)  # type: ignore[arg-type]
-    with pytest.raises(UserError, match="quaternions whose length is off 1 by 1"):
+    with pytest.raises(UserError, match="quaternions whose length differs from 1 by 1"):
         read_log(path)
 
 

@@ -234,12 +234,12 @@ NOT_DEFINITE = "symmetric and positive definite"
         (
             SurfaceObserverParams,
             {"rate_lag": 0.1, "kind": "thesis"},
-            "null, but for kind=adaptive",
+            "null unless kind=adaptive",
         ),
         (
             SurfaceObserverParams,
             {"model_error": ModelErrorParams(bias=1.0), "kind": "gated"},
-            "none, but for kind=adaptive",
+            "none unless kind=adaptive",
         ),
         (ModelErrorParams, {"tare": 1.0}, "0, if there is no bias to be found"),
         (ModelErrorParams, {"press": 1.0}, "0, if there is no stiffness to be found"),
