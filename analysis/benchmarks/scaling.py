@@ -129,7 +129,11 @@ def _cost(make: Callable[[int], Simulation], size: int, scenario: ScalingScenari
 
 def figures(scenario: ScalingScenario, outcome: Outcome) -> dict[str, Figure]:
     """Draw the costs and the fitted powers."""
-    figure = new_figure(10, 7)
+    caption = (
+        "Time of a simulated second over four sizes, on logarithmic axes. The line is the fitted "
+        "power of the size."
+    )
+    figure = new_figure(8.0, 6.2, caption=caption)
     grid, metrics = figure.subplots(2, 2, sharey=True), outcome.metrics
     for axes, (over, (title, sizes, _)) in zip(grid.flat, _PANELS.items(), strict=True):
         name = over.partition(" ")[0]
@@ -143,7 +147,8 @@ def figures(scenario: ScalingScenario, outcome: Outcome) -> dict[str, Figure]:
         measured = Curve(costs, "measured", {**POSITION, "marker": "o", "linestyle": ""})
         fit = Curve(power, f"slope {slope:.2f} {note.partition(',')[0]}", FORCE)
         y_label, lines = "time of a simulated second / s", [measured, fit]
-        draw_lines(axes, sizes, lines, title=title, y=y_label, over=over, log=True, key="best")
+        claim = f"{title[0].upper()}{title[1:]}: power {slope:.2f}"
+        draw_lines(axes, sizes, lines, title=claim, y=y_label, over=over, log=True, key="best")
         axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
         axes.set_xticks([], minor=True)
     return {"scaling": figure}

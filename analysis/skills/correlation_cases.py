@@ -47,7 +47,7 @@ _LABELS: Final = {
     "noisy": "noisy force sensor",
     "biased": "biased force sensor",
 }
-_SHORT: Final = ("free", "both", "one", "noisy", "biased")
+_SHORT: Final = ("free", "spring", "stop", "noisy", "biased")
 _LATER: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.4}
 _THEORY: Final[Style] = {"color": "black", "marker": "_", "markersize": 26, "linestyle": "none"}
 _MEASURED: Final[Style] = {"color": "#e07b00", "marker": "o", "markersize": 3, "alpha": 0.5}
@@ -188,14 +188,14 @@ def figures(scenario: ResolvedCorrelationScenario, outcome: Outcome) -> Mapping[
     grid = figure.add_gridspec(2, 6)
     table = outcome.tables["cycles"]
     phase = 360 * table["sample"] / scenario.samples
-    for i, (name, label) in enumerate(_LABELS.items()):
+    for i, name in enumerate(_LABELS):
         row, k = divmod(i, 3)
         axes = figure.add_subplot(grid[row, 2 * k : 2 * k + 2])
         axes.plot(phase, 1e3 * table["command"], label="commanded", **DESIRED)
         axes.plot(phase, 1e3 * table[f"{name}_motion"], label="motion, first cycle", **FSM)
         axes.plot(phase, 1e3 * table[f"{name}_later"], label="motion, third cycle", **_LATER)
         mean = float(np.mean(outcome.traces[name]))
-        title = f"({'abcde'[i]}) {label[0].upper()}{label[1:]}\nC = {mean:.2g}"
+        title = f"({'abcde'[i]}) {_SHORT[i].capitalize()}: C = {mean:.2f}"
         dress(axes, title=title, x="phase / deg", y="velocity / (mm/s)" if k == 0 else "")
         axes.set_xticks([0, 90, 180, 270, 360])
     below: Style = {"loc": "outside lower center", "fontsize": 8, "frameon": False, "ncols": 3}

@@ -106,7 +106,6 @@ UNFIT: Final = {
     "observer-model-error",
     "planar-unknown-wall",
     "puma-unknown-wall",
-    "scaling",
     "surface-estimation",
     "surface-estimation-large-noise",
     "surface-estimation-noise-free",
