@@ -156,7 +156,9 @@ def _array(quantity: str, columns: list[_Column], said: Chosen, path: Path) -> A
     if quantity != "rotation" or len(columns) != 4:
         return found
     if (off := np.abs(np.linalg.norm(found, axis=1) - 1).max(initial=0.0)) > _NO_UNIT:
-        raise UserError(f"{path}: rotation has quaternions whose length differs from 1 by {off:.3g}")
+        raise UserError(
+            f"{path}: rotation has quaternions whose length differs from 1 by {off:.3g}"
+        )
     return np.asarray(Rotation.from_quat(np.roll(found, -1, axis=1)).as_rotvec())
 
 

@@ -270,9 +270,7 @@ class SurfaceObserverParams:
         if self.kind == "adaptive":
             require_not_negative(self, "rate_lag")
         elif self.model_error != ModelErrorParams():
-            raise ParameterError(
-                "model_error", self.model_error, "none unless kind=adaptive"
-            )
+            raise ParameterError("model_error", self.model_error, "none unless kind=adaptive")
         elif self.rate_lag is not None:
             raise ParameterError("rate_lag", self.rate_lag, "null unless kind=adaptive")
 
