@@ -466,7 +466,7 @@ def plot_charging(
 def _carried(traces: Table) -> NDArray[np.bool_]:
     """Return the rows in which an item is in the gripper, and in the next one too.
 
-    What is shown of an item jumps to the empty gripper when it is let go.
+    An item's signals jump to the empty gripper at its release.
     """
     held = traces["held"] > 0
     still: NDArray[np.bool_] = held & np.append(held[1:], False)

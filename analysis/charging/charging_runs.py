@@ -88,8 +88,8 @@ def traces_of(scenario: ResolvedCrucibleChargingScenario, run: Run) -> dict[str,
     and ``desired_`` ones, m and rad; ``nugget_x``, ``_y``, ``_z``, the grip point with what the
     gripper gives, m; ``measured_force_x``, ... and ``desired_force_x``, ... N, of the item on its
     environment; ``feeder_``, ``wall_`` and ``layer_`` ``force`` N, ``gap`` m, ``peak_force`` N
-    and ``impact_speed`` m/s, 0 and far where the scene lacks them; ``normal_x``, ... of what lies
-    below, as it is taken to be, with an observer its ``normal_deviation`` rad, and
+    and ``impact_speed`` m/s, 0 and far where the scene lacks them; ``normal_x``, ... below, the
+    believed one, with an observer its ``normal_deviation`` rad, and
     ``true_normal_x``, ...; ``layer_shift`` m; joint positions, velocities and torques.
     """
     arm, outputs = scenario.ARM, run.outputs
@@ -246,7 +246,7 @@ def item_limits(
     """Measure one item's cycle; measurements that its run did not reach are missing.
 
     ``names`` are those of the chart's states by their index in the traces; item and station are
-    as they are.
+    the true ones.
     """
     mine = traces["item"] == index
     current = np.where(mine, np.array(names)[traces["state"].astype(int)], "")

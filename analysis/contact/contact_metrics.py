@@ -101,8 +101,8 @@ def contact_metrics(
 def contact_kept(traces: Table, after: float, kick: float | None) -> dict[str, float | None]:
     """Measure the share of contact from the first touch on; None without one.
 
-    What a blow takes off until it touches again is planned and does not count; what never touches
-    again, and bounces before and after, do. ``contact.losses`` are those of true contact, also
+    A loss by a blow, until the next touch, is planned and does not count. A loss without a return,
+    and bounces before and after, do. ``contact.losses`` are those of true contact, also
     within a row; ``contact.share`` is that of the rows with a true force above 0 and
     ``contact.settled_share`` the same from ``after`` on, %.
 

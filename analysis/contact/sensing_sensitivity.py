@@ -1,6 +1,6 @@
 """Cost of each imperfection of sensors and computer, alone and all together.
 
-What is asked of detection, no false contact in 100 runs of 15 s at three times the noise, is of
+The limit of detection is no false contact in 100 runs of 15 s at three times the noise. It needs
 ``approaches=100``, some six CPU minutes; 8 ``trials`` take ten.
 """
 

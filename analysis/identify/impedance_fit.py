@@ -56,7 +56,7 @@ def fit_impedance(
 ) -> Impedance:
     """Return the impedance; without contact the motion determines only the delay.
 
-    ``told``, N/m, is the stiffness that was set: it tells the unit of the forces.
+    ``told``, N/m, is the stiffness that was set: it determines the unit of the forces.
     """
     known = np.zeros(len(motion.time), dtype=bool)
     known[int(_DELAYS[-1] / motion.period) + 1 : int(_DELAYS[0] / motion.period) - 1] = True

@@ -215,8 +215,8 @@ def _require_likely(arrays: Mapping[str, Array], path: Path) -> None:
 def _rows_at_limit(values: Array, limit: float) -> int:
     """Return the number of rows with a channel at its limit, 0 if that may be no limit.
 
-    What a channel reads at rest, or one of few levels, is no limit: it is reached in leaps of
-    more than a few levels, and is half of the largest reading at least.
+    The reading of a channel at rest, or of one with few levels, is no limit. A limit is reached in
+    steps of more than a few levels, and is at least half of the largest reading.
     """
     at, steps = values == limit, np.abs(np.diff(values))
     inside = np.flatnonzero(~at)

@@ -217,7 +217,7 @@ def _detected(
 def _told(scenario: MeasuredSlideScenario, kind: ObserverKind) -> ResolvedSurfaceObserverParams:
     """Return the settings of an observer of a kind.
 
-    Those that know of no error of the position are told of one of the velocity.
+    Observers without an error of the position get one of the velocity.
     """
     given = scenario.observer
     K, force = known("stiffness", given.stiffness), known("force_noise", given.force_noise)

@@ -11,9 +11,9 @@ turns at w, what pushes the arm off is, to first order::
 and the force that is integrated is off by ``-f e`` and by noise. The linear loop
 (:func:`chamfer.diagrams.surface.surface_tracking.tracking_loop`) makes of that the force's error.
 Friction is that of the start. Until it slides the estimate is taken to be the first one, and
-what acts along the surface to grow steadily. What the arm's swinging does to the observer is left
-out, as that of a delay which the observer is not told of. Beside simulated runs the error is good
-to half a per cent of the force, by which a warning comes earlier.
+what acts along the surface to grow steadily. The effect of the arm's oscillation on the
+observer is left out, as is a delay that its settings lack. Compared with simulated runs the error
+is right within half a per cent of the force; a warning comes earlier by that.
 """
 
 import math
@@ -178,7 +178,7 @@ def _errors(
 def warn_of_force(scenario: ResolvedTrackingScenario) -> None:
     """Warn if fewer than 95 % of the runs will keep the force within 10 %, and name remedies.
 
-    What is proposed is predicted in the same way; the first that helps is named.
+    It predicts each proposal in the same way, and names the first that helps.
     """
     task, observer, control = scenario.task, scenario.observer, scenario.controller
     if not task.speed:

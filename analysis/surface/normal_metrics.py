@@ -168,8 +168,8 @@ def errors(
 ) -> dict[str, float | None]:
     """Return statistics of the errors in a window, and the largest error in another.
 
-    It is rms, bias, coverage of the band and mean normalised square. A band that tells nothing
-    covers nothing.
+    They are rms, bias, coverage of the band and mean normalised square. A band without
+    information covers nothing.
 
     Args:
         traces: ``time`` s; ``error`` and ``band`` deg and ``nees``, as

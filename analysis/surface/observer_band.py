@@ -90,7 +90,7 @@ def judge(
 
     Args:
         on: The slide.
-        filters: What is judged.
+        filters: The judged filters.
         sensor: Its noise.
         deviation: rad, of the first estimate of the normal on each axis.
         randoms: One for each seed.

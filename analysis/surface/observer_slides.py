@@ -160,8 +160,9 @@ def surfaces(radius: float) -> dict[str, Surface]:
 def glide(surface: Surface, stiffness: float, speed: float, period: float) -> Slide:
     """Return a slide along a geodesic at a constant speed, pressed with a constant force.
 
-    What a gripper under force control does: contact point and force are given, the nominal motion
-    follows from them by (4-2). The path leaves the origin along x, in space turned towards z.
+    This is the slide of a gripper under force control: contact point and force are given, the
+    nominal motion follows from them by (4-2). The path leaves the origin along x, in space turned
+    towards z.
 
     Args:
         surface: Through the origin.

@@ -99,7 +99,7 @@ def wall_metrics(
 ) -> dict[str, float | None]:
     """Measure a run; a value is None where it is undefined.
 
-    Forces and errors count from ``after`` on, but for the time from a blow until
+    Forces and errors count from ``after`` on, except the time from a blow until
     :data:`RECOVERY` after the return; a contact that is lost without a blow counts.
 
     Args:
@@ -182,7 +182,7 @@ def run_wall(scenario: ResolvedUnknownWallScenario, seed: int) -> Traces:
     estimated normal at the tip; ``band`` deg, three standard deviations; ``mode`` of contact
     detection; ``status`` of the observer; ``travel`` m, of the tip since the first contact;
     ``curvature`` 1/m, of the wall at the tip, the largest of any direction;
-    ``across`` m, out of the wall as it is believed; ``along`` m; ``point_x`` m and so on, the tip;
+    ``across`` m, out of the believed wall; ``along`` m; ``point_x`` m and so on, the tip;
     ``normal_x`` and ``true_normal_x`` and so on; ``measured_force_x`` N and so on, of the arm on
     the wall; :data:`CONTACT_SIGNALS`; joint positions, velocities and torques.
     """

@@ -403,10 +403,10 @@ CRUCIBLE_CHARGING: Final = CrucibleChargingScenario()
 def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]:
     """Return two scenes for each item: the gripper empty, then with the item in it.
 
-    Empty, the fingers meet what stands in the feeder, or its ground where nothing does. With an
-    item in the gripper it meets the wall with its side and what lies below with its bottom or
-    flank; what it stood on in the feeder no longer holds it. What lies in the crucible is what was
-    laid there before, where the plan wanted it, with the sizes that it has.
+    Empty, the fingers meet the item in the feeder, or the feeder's ground. An item in the gripper
+    meets the wall with its side, and the surface below with its bottom or flank; the feeder no
+    longer holds it. The crucible contains the items laid before, at their planned places, with
+    their true sizes.
 
     Raises:
         ParameterError: If an item does not fit into the crucible.

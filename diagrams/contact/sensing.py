@@ -1,6 +1,6 @@
 """Sensors and computer of an arm: ideal as in the paper's figure, or realistic.
 
-What is ideal is not there.
+An ideal part adds no block.
 """
 
 import math

@@ -286,7 +286,7 @@ def add_observed_contact(
 
     Args:
         builder: Of the loop.
-        scenario: What the blocks are like.
+        scenario: Parameters of the blocks.
         motion: Nominal position and velocity of the gripper.
         observer: In place of the :class:`SurfaceObserver`, with its ports; ``predicted_normal``
             only where the scenario's observer has a prediction.

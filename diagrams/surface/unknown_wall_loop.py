@@ -89,7 +89,7 @@ class UnknownWallSettings(ContactParams, SurfaceSettings):
         Args:
             point: m, shape (3,), on the wall.
             along: Unit vector, shape (3,), of the motion.
-            up: Unit vector, shape (3,), at right angles to it, out of the wall as it is believed.
+            up: Unit vector, shape (3,), at right angles to it, out of the believed wall.
         """
         sideways = np.cross(up, along)
         tilted = math.cos(self.tilt) * along + math.sin(self.tilt) * up
@@ -325,7 +325,7 @@ _RESOLVED: Final = {one.ARM.name: one for one in (_ResolvedAdept, _ResolvedPuma,
 def resolve_wall(scenario: UnknownWallScenario) -> ResolvedUnknownWallScenario:
     """Return the scenario with controller's and observer's open fields filled in, and checked.
 
-    The observer knows the gripper's stiffness, turned as it is where the tip should touch, and
+    The observer knows the gripper's stiffness in its orientation at the desired contact, and
     the noise of the force sensor and of the rate that is differenced from it.
 
     Raises:

@@ -52,9 +52,9 @@ class Arm(Kinematics):
     """A serial arm: kinematics, both ways, and a URDF.
 
     Conventions of the URDF: the link ``base`` carries the world's axes and is not fixed by the
-    file, whoever loads it welds ``base`` to the world; the origin of the link ``endpoint`` is the
-    tip. The joints, named in ``joint_names``, carry no limits, damping or friction. Each has an
-    actuator of its own, ``<joint>_motor``, in the joints' order, with the rotor inertia as seen
+    file; the code that loads it welds ``base`` to the world. The origin of the link ``endpoint``
+    is the tip. The joints, named in ``joint_names``, carry no limits, damping or friction. Each
+    has its own actuator, ``<joint>_motor``, in the joints' order, with the rotor inertia as seen
     at the joint.
     """
 

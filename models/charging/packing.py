@@ -215,8 +215,8 @@ def places(
 
     ``laid`` is what lies in the crucible before. An item lies on the bed, or on the highest of the
     wall and crown nuggets that were laid before it and whose outline, seen from above as a circle,
-    holds the middle of its own. ``believed``: nuggets are as the scanner shows them, with flat
-    tops; else what it lies on is as it is.
+    holds the middle of its own. ``believed``: nuggets have the scanner's size, with flat
+    tops; else the surface below is the true one.
 
     Raises:
         ParameterError: If a nugget does not fit into the crucible, would overlap one that was

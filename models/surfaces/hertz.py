@@ -40,8 +40,8 @@ def hertz_stiffness(
     """Return the stiffness of a contact about a force, N/m.
 
     Args:
-        one: What touches.
-        other: What is touched.
+        one: The first material.
+        other: The second material.
         radius: m, of the sphere on a plane; of two spheres, 1 / (1 / R_1 + 1 / R_2).
         force: N.
 

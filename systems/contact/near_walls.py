@@ -1,8 +1,8 @@
 """Restricts the search for contacts to those walls of a hole that its peg is near.
 
 Drake tries every wall against the peg: it bounds what is turned by spheres, and all of them
-overlap. Here a plane between the two tells most of them apart. What is passed over cannot touch,
-so that contacts and forces stay what they are, to the last digit.
+overlap. Here a plane between the two separates most of them. Walls that are passed over cannot
+touch, so that contacts and forces are the same to the last digit.
 """
 
 import math

@@ -183,7 +183,7 @@ class ContactFrameFilter:
     normal is at right angles to its path. The thesis uses the derivative of this alone (4-3). The
     path needs neither the force's derivative nor anything about friction, and a constant error of
     the force sensor does not matter to it; in space it matters sideways, see below. So a rate that
-    was made by differencing the force only tells whether the contact point moves, and it lags.
+    comes from differences of the force only shows whether the contact point moves, and it lags.
 
     Several models run side by side (:mod:`chamfer.systems.estimation.contact_frame`) that
     take the surface to be as sharp as the bound allows, or smoother, though never flat: a

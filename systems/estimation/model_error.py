@@ -70,15 +70,15 @@ CALIBRATION: Final = sum(_LENGTHS)  # numbers that a calibration remembers
 class GripperCalibration:
     """Finds the force sensor's bias with a free gripper; stiffness and delay by pressing.
 
-    A free gripper feels no force: what the sensor shows is its bias. While the contact point p
+    A free gripper feels no force, so the sensor's reading is its bias. While the contact point p
     rests, ``K^-1 F = a (p - x_nom + s v_nom)`` with the true stiffness ``a K`` and a force that is
-    later by s than was told. By least squares both are slopes, of which the one along v_nom needs
-    a motion that changes. All begin with what is expected, and its deviation.
+    later by s than the setting. By least squares both are slopes, of which the one along v_nom
+    needs a motion that changes. All start from the expected values and their deviations.
 
     Args:
         params: The possible errors, and the durations of both calibrations.
         force: N, standard deviation of a force's component.
-        compliance: m/N, as it was told, shape (3, 3).
+        compliance: m/N, by the settings, shape (3, 3).
         period: s.
     """
 

@@ -32,7 +32,7 @@ class TareCommand(NamedTuple):
 class TareLaw(Law[TareState, TareObservation, TareCommand]):
     """See :class:`chamfer.systems.sensing.force_sensor.Tare`.
 
-    What is taken off is the mean of the readings before this one.
+    It subtracts the mean of the readings before this one.
     """
 
     observation = TareObservation
