@@ -181,8 +181,8 @@ def theory(scenario: ResolvedCorrelationScenario, name: str) -> float:
 def figures(scenario: ResolvedCorrelationScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw a cycle of every case, and C of all windows next to the theory."""
     caption = (
-        "Commanded velocity and motion of one cycle in five cases, and the correlation C of each "
-        "window with its theory."
+        "Commanded velocity and motion of one cycle, and the correlation C of each window with "
+        f"its theory. The cases: {', '.join(_LABELS.values())}."
     )
     figure = new_figure(8.0, 6.2, caption=caption)
     grid = figure.add_gridspec(2, 6)

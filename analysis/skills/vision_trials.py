@@ -484,10 +484,10 @@ class _Panel(NamedTuple):
 
 
 _PANELS: Final = (
-    _Panel("translation", "Translation along x, y, z", "error_m", "tip to goal / mm"),
-    _Panel("rotation", "Rotation: alignment of lines", "error_rad", "axis to axis / mrad"),
-    _Panel("fixed_point", "Rotation about a fixed point", "error_rad", "turn left / mrad"),
-    _Panel("grasp", "Visual grasp, eye in hand", "error_m", "centre to centre / mm"),
+    _Panel("translation", "Translation", "error_m", "tip to goal / mm"),
+    _Panel("rotation", "Rotation by lines", "error_rad", "axis to axis / mrad"),
+    _Panel("fixed_point", "Rotation about a point", "error_rad", "turn left / mrad"),
+    _Panel("grasp", "Visual grasp", "error_m", "centre to centre / mm"),
 )
 
 
@@ -509,7 +509,7 @@ def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str
         axes = figure.add_subplot(grid[row, 4 * k : 4 * k + 4])
         courses = _curves(outcome, panel.name, panel.column)
         share = outcome.metrics[f"{panel.name}.converged"]
-        title = f"({'abcd'[i]}) {panel.title}\n{share.note} settle"
+        title = f"({'abcd'[i]}) {panel.title}: {share.note} settle"
         draw_lines(axes, (), courses, title=title, y=panel.label)
         axes.set_yscale("log")
         axes.set_ylim(bottom=_LEAST)
@@ -526,9 +526,10 @@ def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str
         title="(e) Drift of the fixed point",
         y="point from start / mm",
         levels=levels,
-        key="center right" if levels else None,
     )
     axes.set_ylim(bottom=0.0)
+    if levels:
+        legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.2))
     _draw_map(figure.add_subplot(grid[2, 3:]), outcome)
     return {"vision-primitives": figure}
 
@@ -569,6 +570,8 @@ def _draw_map(axes: Axes, outcome: Outcome) -> None:
     axes.set_yticks(range(len(angle)), [f"{np.degrees(one):.0f}" for one in angle])
     for style, label in (("o", "theory: settles"), ("x", "theory: does not")):
         axes.plot([], [], style, color="#555555", mfc="none", ms=5, label=label)
-    legend(axes, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-    title = "(f) Translation: blue, all settle; yellow, some; red, none"
+    for i, label in enumerate(("none", "some", "all")):
+        axes.plot([], [], "s", color=_SHADES(i), ms=9, label=f"{label} settle")
+    legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
+    title = f"(f) All translations settle in {(share == 1).sum()} of {share.size} cells"
     dress(axes, title=title, x="believed focal length / true one", y="orientation error / degrees")
