@@ -138,10 +138,10 @@ class Campaign:
 
     path: Path | None  # the file for finished trials, None to delete them at the end
     processors: tuple[str, ...]  # the types of processors that trials run on
-    # Where they run; None: they are wanted of whoever has one, by a TrialsWantedError.
+    # Where they run; None: a TrialsWantedError requests them.
     engine: Engine | None = None
     here: bool = False  # whether they run in this process, one after the other
-    fresh: bool = False  # whether to forget what the file has
+    fresh: bool = False  # whether to ignore the content of the file
     failures: dict[bytes, Failure] = field(default_factory=dict)  # why trials failed, by key
     seconds: float = 0.0  # that the experiment took before
 

@@ -25,7 +25,7 @@ class TerminalProgress:
     costs the run two assignments.
     """
 
-    label: str  # what is running
+    label: str  # of the run
     stream: TextIO = field(default_factory=lambda: sys.stderr)
     delay: float = 1.0  # s, how long to stay silent
     interval: float = 0.2  # s, how long a line stands before the next one
@@ -47,7 +47,7 @@ class TerminalProgress:
         return self
 
     def __call__(self, fraction: float, doing: str = "") -> None:
-        """Report the fraction done, 0 to 1 or NaN, and in a few words what is being done."""
+        """Report the fraction done, 0 to 1 or NaN, and the present step in a few words."""
         self._fraction = fraction
         self._doing = doing
 

@@ -1,1 +1,1 @@
-"""Runs of skills: insertions, and what they measure."""
+"""Runs of skills: insertions and their metrics."""

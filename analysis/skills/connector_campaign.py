@@ -154,7 +154,7 @@ class ResolvedTrialsScenario(ResolvedConnectorScenario, CampaignScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedCampaignScenario(ResolvedStrategyScenario, ResolvedTrialsScenario):
-    """Many insertions of a part by a strategy of its own; nothing is open."""
+    """Many insertions of a part by its built-in strategy; nothing is open."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -142,7 +142,7 @@ def true_motion(displacement: Array, grasp: Array) -> Traces:
 
 
 def path_table(path: Sequence[SkillStep]) -> Table:
-    """Return the columns of the transitions, each with the begin of its source, s."""
+    """Return the columns of the transitions, each with the start of its source, s."""
     times = [one.time for one in path]
     names = {
         name: np.array([getattr(one, name) for one in path], dtype=np.str_)

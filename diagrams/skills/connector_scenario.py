@@ -143,7 +143,7 @@ class ConnectorScenario:
 
 @dataclass(frozen=True, kw_only=True)
 class StrategyScenario(ConnectorScenario):
-    """The insertion of a part by a strategy of its own."""
+    """The insertion of a part by its built-in strategy."""
 
     connector: StandardConnector  # plug and socket
     believed_connector: StandardConnector | None = None
@@ -259,7 +259,7 @@ class ResolvedConnectorScenario(ConnectorScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedStrategyScenario(ResolvedConnectorScenario):
-    """The insertion of a part by a strategy of its own; nothing is open."""
+    """The insertion of a part by its built-in strategy; nothing is open."""
 
     connector: StandardConnector
     believed_connector: StandardConnector

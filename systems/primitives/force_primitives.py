@@ -84,7 +84,7 @@ class Directed(Primitive):
         require_one_of(self, "direction", DIRECTIONS)
 
     def begin(self, sensed: Observation) -> Any:
-        """Remember the place of the begin."""
+        """Remember the place of the start."""
         return along(self.direction, sensed.carriage)
 
 
@@ -314,7 +314,7 @@ class Level(Primitive):
         return {"done": self.time, "lost": 0.0}
 
     def begin(self, sensed: Observation) -> _Levelled:
-        """Remember the turn at the begin."""
+        """Remember the turn at the start."""
         return _Levelled(sensed.carriage)
 
     def step(self, sensed: Observation, memory: _Levelled, time: float) -> Stepped:

@@ -42,7 +42,7 @@ _GAIN: Final = 6.0  # 1/s, with which the end of a way is approached
 
 @dataclass(frozen=True, kw_only=True)
 class Place(Primitive):
-    """Goes straight to a place, given relative to the place of its begin.
+    """Goes straight to a place, given relative to the place of its start.
 
     Under damping control, anything that holds the tool is pulled with at most D times the speed. A
     speed that grows slowly is a force that grows until the tool comes free. Events: ``done`` at
@@ -100,7 +100,7 @@ class Centre(Primitive):
 
     dither: Dither  # that runs in the same state
     gain: float = 3.0  # 1/s; assumed
-    offset: float = 0.0  # m or rad, of the middle from the place of the begin
+    offset: float = 0.0  # m or rad, of the middle from the place of the start
 
     def __post_init__(self) -> None:
         require_positive(self, "gain")
@@ -135,7 +135,7 @@ class _Averaged(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Way(Directed):
-    """Measures, at rest, the displacement since its begin.
+    """Measures, at rest, the displacement since its start.
 
     It waits, then takes the mean. Events: ``tilted`` if it has turned by more than ``tilt``, else
     ``done`` if the mean is between the bounds, else ``jammed``.
@@ -173,7 +173,7 @@ class Way(Directed):
         return dict.fromkeys(names, self.wait + self.time)
 
     def begin(self, sensed: Observation) -> _Averaged:
-        """Remember the place of the begin."""
+        """Remember the place of the start."""
         return _Averaged(sensed.carriage)
 
     def step(self, sensed: Observation, memory: _Averaged, time: float) -> Stepped:

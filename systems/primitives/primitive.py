@@ -44,7 +44,7 @@ class Observation(NamedTuple):
     perturbed: Vector = STILL  # V_cmd from which accommodation made ``motion``
     spread: Vector | None = None
     # standard deviation of one reading of the wrench, from the tare; None: no tare
-    holding: Vector | None = None  # 1 while the gripper feels a part; None: it has no sensor
+    holding: Vector | None = None  # 1 while the gripper detects a part; None: it has no sensor
 
 
 def sensed_signals(parts: int) -> dict[str, Signal]:
@@ -92,7 +92,7 @@ class Primitive:
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, with these parameters, each with the earliest time, s.
 
-        The time counts from its begin; it is 0 where only the environment decides. By default
+        The time counts from its start; it is 0 where only the environment decides. By default
         none.
         """
         return {}

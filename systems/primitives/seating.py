@@ -63,7 +63,7 @@ class _Pushing(NamedTuple):
     sliding: float = 0.0  # least force of the windows in which it moved last
     still: int = 0  # windows in a row in which nothing moved
     rested: float = 0.0  # force in the first of all since it moved for sure
-    damping: float = 0.0  # largest force over speed that was felt while nothing moved
+    damping: float = 0.0  # largest measured force over speed while nothing moved
     phase: _Phase = "ramp"
     windows: int = 0  # of the phase
     sum: float = 0.0  # of the places of the phase's windows
@@ -78,7 +78,7 @@ class Seat(Directed):
     Window by window it compares the means of place and force. If the force rises as against a
     stiffness of more than ``stiffness``, nothing moves, and the command grows. If the part moves,
     the command falls to a little more than the force of that motion. The displacement is the one
-    at the begin plus all motion since, so that the uncertain deflection of the wrist is left out.
+    at the start plus all motion since, so that the uncertain deflection of the wrist is left out.
     Windows begin at multiples of their length, whichever ticks are missing.
 
     Events:
@@ -87,7 +87,7 @@ class Seat(Directed):
       and the force is ``rise`` times that of the sliding before.
     - ``jammed``: nothing moves, although the push has reached ``free`` and ``share`` of every
       force at which the part has moved, or the limit.
-    - ``tilted``, in place of ``jammed``: it has turned by more than ``tilt`` since its begin, or
+    - ``tilted``, in place of ``jammed``: it has turned by more than ``tilt`` since its start, or
       since the mark.
     """
 
@@ -118,8 +118,8 @@ class Seat(Directed):
     # it is, at first by the square of the force; assumed
     distance: float = 0.004  # m or rad, least displacement of a seated part
     tilt: tuple[float, float] | None = None
-    # rad, about x and y, by which what is turned more is tilted: more than it may have been out of
-    # line at the begin; None: never said
+    # rad, about x and y, largest turn that is not tilted: more than the misalignment at the start;
+    # None: never tilted
 
     WORD: ClassVar[str] = "seat"
 
@@ -162,7 +162,7 @@ class Seat(Directed):
         return PrimitiveLoad(self.direction, self.fastest, self.limit)
 
     def begin(self, sensed: Observation) -> _Pushing:
-        """Remember the place of the begin."""
+        """Remember the place of the start."""
         start = along(self.direction, sensed.carriage)
         proved = self.limit if self.free is None else self.free / self.share
         return _Pushing(start, sensed.carriage[:2], self.speed, proved)
@@ -301,7 +301,7 @@ class Seat(Directed):
 
 @dataclass(frozen=True, kw_only=True)
 class Press(Directed):
-    """Continues with a share of the velocity commanded before its begin; it has no event."""
+    """Continues with a share of the velocity commanded before its start; it has no event."""
 
     share: float = 1.0  # of that velocity
 

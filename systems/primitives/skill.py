@@ -110,7 +110,7 @@ class SkillState:
 
 @dataclass(frozen=True, kw_only=True)
 class Skill:
-    """States, of which the first is the begin, and the retract of a failure."""
+    """States, of which the first is the start, and the retract of a failure."""
 
     name: str
     states: Sequence[SkillState]

@@ -99,7 +99,7 @@ class Dither(_Timed):
 
     The displacement is ``amplitude sin(w t)``: the velocity is a cosine. A velocity that begins as
     a sine, as in the paper's text, moves the pattern by the amplitude. This one begins a quarter
-    of a cycle later, so that the pattern is centred at the place of the begin.
+    of a cycle later, so that the pattern is centred at the place of the start.
     """
 
     kind: Literal["linear", "rotary"] = "linear"  # along the axis or about it
@@ -130,7 +130,7 @@ class Dither(_Timed):
         return AXES.index(self.axis) + (3 if self.kind == "linear" else 0)
 
     def displacement(self, time: float) -> float:
-        """Return the displacement at a time since the begin, while it runs, m or rad."""
+        """Return the displacement at a time since the start, while it runs, m or rad."""
         return self.amplitude * math.sin(2 * math.pi * self.frequency * time)
 
     @property
@@ -186,7 +186,7 @@ class Spiral(_Timed):
         return self._way(self._last) / self.speed
 
     def angle(self, time: float) -> float:
-        """Return the angle at a time since the begin, rad."""
+        """Return the angle at a time since the start, rad."""
         way = self.speed * time
         # From the way of many turns, b angle^2 / 2, by Newton's method.
         angle = min(math.sqrt(2 * way / self._growth), self._last)
@@ -195,7 +195,7 @@ class Spiral(_Timed):
         return max(angle, 0.0)
 
     def place(self, time: float) -> tuple[float, float]:
-        """Return the place at a time since the begin, x and y, m; the last place after that."""
+        """Return the place at a time since the start, x and y, m; the last place after that."""
         angle = self.angle(min(time, self.duration))
         radius = self._growth * angle
         return radius * math.cos(angle), radius * math.sin(angle)

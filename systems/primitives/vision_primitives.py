@@ -72,7 +72,7 @@ class _Servoed(Primitive):
         return self.servoing.events
 
     def begin(self, sensed: Observation) -> object:
-        """Return the memory at the begin."""
+        """Return the memory at the start."""
         return Watch(carriage=sensed.carriage)
 
     def _missing(self, memory: Watch, time: float) -> Stepped:
@@ -316,7 +316,7 @@ class FixedPointRotation(_Servoed):
         return self._camera.point_jacobian(pixel, self.cameras.depth)[:, self._columns]
 
     def begin(self, sensed: Observation) -> object:
-        """Return the memory at the begin; the first frame adds the place of the tip."""
+        """Return the memory at the start; the first frame adds the place of the tip."""
         return _Held(Watch(carriage=sensed.carriage))
 
     def step(self, sensed: Observation, memory: _Held, time: float) -> Stepped:

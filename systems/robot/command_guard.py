@@ -47,7 +47,7 @@ class CommandGuardParams:
     period: float  # s, between two steps
     timeout: float  # s, longest without a new measurement, and between two steps
     limits: Mapping[str, Limits | None]
-    # of each command that goes to the robot; None: it goes as it is, and is held in a stop
+    # of each command to the robot; None: it passes unchanged, and is held in a stop
     torque: float = math.inf  # N m, of the input wrench, N m above N; a larger one stops the robot
     force: float = math.inf  # N, likewise
     unchecked: tuple[str, ...] = ()  # inputs that may be non-finite, such as a camera's errors

@@ -14,8 +14,8 @@ Semantics of one tick, in this order:
 
 At most one transition is taken in a tick. A state with an outcome is final: it is never left.
 
-A tick can be told to *abort*: whatever the guards say, the state that the chart has for it is
-then gone to as by any other transition, and kept from then on. A final state is kept as it is.
+A tick can *abort*: regardless of the guards, the chart then goes to its abort state as by any
+other transition, and stays there. A final state is kept.
 """
 
 from collections.abc import Callable, Sequence

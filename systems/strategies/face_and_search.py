@@ -118,7 +118,7 @@ class FaceFeelingParams:
 
     @property
     def upright(self) -> Hold:
-        """Turns back, softly, to the pose of its begin or of the mark."""
+        """Turns back, softly, to the pose of its start or of the mark."""
         return Hold(axes=("rx", "ry"), gain=self.straighten_gain)
 
     def feel_face(

@@ -535,7 +535,7 @@ class _Rules:
         return self._observe(tick, 0.0, aside)._replace(compensates=False)
 
     def withdraw(self, tick: InsertionTick) -> InsertionMemory:
-        """Go back to the begin of the feed, and further as long as the hole holds the peg."""
+        """Go back to the start of the feed, and further as long as the hole holds the peg."""
         memory, insert, fed = tick.memory, self._params.insert, _fed(tick)
         speed = self._params.insert.speed
         pull = -memory.load(tick.inputs)[0]

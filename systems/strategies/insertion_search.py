@@ -229,7 +229,7 @@ class TouchSearch:
         return scale * y, scale * z
 
     def on_spiral(self, attempt: int, time: float) -> Across:
-        """Return the place on the spiral at a time since its begin, m."""
+        """Return the place on the spiral at a time since its start, m."""
         y, z = self.spiral(attempt).place(time)
         return turned((y, z), _TURN * (attempt - 1))
 
@@ -238,7 +238,7 @@ class TouchSearch:
         return turned((1.0, 0.0), _TURN * (attempt - 1))
 
     def leaning(self, attempt: int) -> Offset:
-        """Return the offset of a leaning peg at the begin of the slide."""
+        """Return the offset of a leaning peg at the start of the slide."""
         (y, z), back, angle = self.along(attempt), self.reaches, self.params.angle
         return -back * y, -back * z, angle * z, -angle * y
 
