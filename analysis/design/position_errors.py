@@ -1,8 +1,8 @@
 """Errors at the touch of random cells whose arm is position-controlled.
 
-No model of the arm is run. Without cameras the errors stay: those of fixture and repeatability,
-the tip's sag on its springs, the feed along a misaligned axis, and the admittance's response to
-noise and drift of the sensor since its zero was taken.
+No model of the arm is run. Without cameras nothing corrects the errors. They come from fixture and
+repeatability, the tip's sag on its springs, and the feed along a misaligned axis. Noise and drift
+of the sensor since its zero was taken also move the admittance.
 """
 
 from typing import Final

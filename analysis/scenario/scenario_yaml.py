@@ -1,7 +1,7 @@
 """YAML for scenarios: safe, with the scalars of YAML 1.2, and no key twice.
 
-PyYAML reads YAML 1.1, where ``1e-3`` is a text, ``1:30`` is 90, ``010`` is 8 and ``off`` is false;
-someone who types a number or a name means the number or the name.
+PyYAML reads YAML 1.1, where ``1e-3`` is a text, ``1:30`` is 90, ``010`` is 8 and ``off`` is false.
+Someone who types a number or a name means the number or the name.
 """
 
 import json
