@@ -276,8 +276,10 @@ def _results_of(entry: Entry) -> list[str]:
 def _drawings_of(folder: str, drawings: Mapping[str, str]) -> list[str]:
     parts = [heading("Diagrams", "-")] if drawings else []
     for name, svg in drawings.items():
-        chart = name.removesuffix(".svg").removeprefix("chart-").replace("-", " ")
-        text = "Block diagram" if name == "diagram.svg" else f"State chart: {chart}"
+        stem = name.removesuffix(".svg")
+        chart = stem.removesuffix("-overview").removeprefix("chart-").replace("-", " ")
+        text = "Block diagram" if chart == "diagram" else f"State chart: {chart}"
+        text += ", overview" if stem.endswith("-overview") else ""
         parts.append(drawing(f"/reference/generated/{folder}/{name}", svg, text))
     return parts
 

@@ -13,6 +13,11 @@ from chamfer.analysis.report.check_text import number, relation, typeset, verdic
 from chamfer.analysis.report.checks import load_paper
 from chamfer.analysis.scenario.experiment import Entry
 
+_PAPERS: Final = {  # headings, and the pages that say what holds
+    "fsm-visual-servoing": ("Visual servoing by a state machine, 2013", "state-machine-paper"),
+    "hybrid-force-position": ("Hybrid position and force control, 1998", "thesis"),
+    "sensorimotor-primitives": ("Sensorimotor primitives, 1995", "primitives-paper"),
+}
 _PAGE: Final = "reference/generated/experiments"
 _WIDE: Final = 1100  # px, beyond which a drawing is folded
 _TALL: Final = 700  # px
@@ -66,8 +71,8 @@ def made(result: Mapping[str, Any]) -> str:
     """Return how a stored result was made."""
     drake = result["versions"]["drake"]
     return (
-        f"The figures and numbers below are of this command with seed {result['seed']} and "
-        f"Drake {drake}. It took {number(result['seconds'])} s on one core.\n"
+        f"The figures and numbers below come from this command, seed {result['seed']} and Drake "
+        f"{drake}. It ran for {number(result['seconds'])} s.\n"
     )
 
 
@@ -87,7 +92,11 @@ def drawing(path: str, svg: str, text: str) -> str:
 def gallery(entries: Iterable[Entry]) -> Iterator[str]:
     """Yield a card for each experiment, by paper and, in that, by study."""
     for paper, of_paper in groupby(entries, key=lambda entry: entry.paper):
-        yield heading(title(paper), "-")
+        title = load_paper(paper, CATALOGUE).title
+        text, page = _PAPERS.get(paper, (title, ""))
+        yield heading(text, "-")
+        if page:
+            yield f"{plain(title)}. :doc:`Claims and verdicts </reference/{page}>`.\n"
         listed = list(of_paper)
         for study, text in ((False, "Figures and tables of the paper"), (True, "Studies")):
             if cards := [_card(entry) for entry in listed if entry.study == study]:
@@ -132,8 +141,3 @@ def paper_figures(paper: str) -> Iterator[str]:
 def sentence(text: str) -> str:
     """Return the first sentence of a text."""
     return re.split(r"(?<=[.!?])\s", text.strip(), maxsplit=1)[0]
-
-
-def title(paper: str) -> str:
-    """Return the title of a paper."""
-    return load_paper(paper, CATALOGUE).title
