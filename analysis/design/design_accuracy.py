@@ -366,14 +366,14 @@ def plot_accuracy(traces: Table, metrics: Mapping[str, Metric]) -> Figure:
             margin,
             bounded,
             [0, 0],
-            "(b) Over the smallest margin",
+            "(b) Seated share over the margin",
             "margin / share of what is allowed",
         ),
         (
             share,
             traces["share"],
             [0, 1],
-            "(c) Over the predicted share",
+            "(c) Seated share over the prediction",
             "random cells within the limits / share",
         ),
     ):

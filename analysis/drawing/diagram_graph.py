@@ -33,7 +33,7 @@ _Port = tuple[System, str]  # of a leaf system
 
 @dataclass
 class _Parts:
-    """What a diagram consists of, in an order that does not depend on addresses."""
+    """Holds the parts of a diagram, in an order that does not depend on addresses."""
 
     nodes: dict[System, Node] = field(default_factory=dict)
     clusters: list[Cluster] = field(default_factory=list)

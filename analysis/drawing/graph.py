@@ -1,4 +1,4 @@
-"""What is drawn: nodes, directed edges and nested clusters, without any geometry."""
+"""Graphs: nodes, directed edges and nested clusters, without any geometry."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Node:
     label: str
     kind: Kind = "block"
     parent: str | None = None  # id of the cluster it lies in, None for the outermost level
-    detail: str = ""  # what stands beside the label, such as a gain's value
+    detail: str = ""  # text beside the label, such as a gain's value
 
 
 @dataclass(frozen=True, kw_only=True)
