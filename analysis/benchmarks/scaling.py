@@ -15,7 +15,7 @@ from pydrake.systems.analysis import Simulator
 from scipy.stats import linregress, t
 
 from chamfer.analysis.drawing.figure_kit import Curve, draw_lines, metric_value
-from chamfer.analysis.drawing.figure_style import FORCE, POSITION, new_figure
+from chamfer.analysis.drawing.figure_style import FORCE, POSITION, legend, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.cell import alignment
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
@@ -148,7 +148,8 @@ def figures(scenario: ScalingScenario, outcome: Outcome) -> dict[str, Figure]:
         fit = Curve(power, f"slope {slope:.2f} {note.partition(',')[0]}", FORCE)
         y_label, lines = "time of a simulated second / s", [measured, fit]
         claim = f"{title[0].upper()}{title[1:]}: power {slope:.2f}"
-        draw_lines(axes, sizes, lines, title=claim, y=y_label, over=over, log=True, key="best")
+        draw_lines(axes, sizes, lines, title=claim, y=y_label, over=over, log=True)
+        legend(axes, ncols=2)
         axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
         axes.set_xticks([], minor=True)
     return {"scaling": figure}

@@ -410,9 +410,21 @@ def plot_residuals(found: Calibration) -> Figure:
     """Draw a row for each camera: residuals, coverage and the error of each picture."""
     cameras = [found.cameras.left, *([found.cameras.right] if found.cameras.right else [])]
     most = max(map(len, found.pictures))
-    height = max(4.2, 0.17 * min(most, _NAMED) + 1.4)
-    figure = new_figure(15.0, height * len(cameras))
-    panels = figure.subplots(len(cameras), 3, width_ratios=(1.25, 1.25, 1.0), squeeze=False)
+    heights = [3.4, max(2.4, 0.18 * min(most, _NAMED) + 0.9)] * len(cameras)
+    errors_of = ", ".join(f"{one.reprojection_error:.3f} px" for one in cameras)
+    figure = new_figure(
+        height=sum(heights),
+        caption=f"RMS reprojection error: {errors_of}. Residuals and coverage of the picture, and "
+        "the error of each picture.",
+    )
+    grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
+    panels = [
+        [
+            figure.add_subplot(grid[row, place])
+            for row, place in ((i, 0), (i, 1), (i + 1, slice(2)))
+        ]
+        for i in range(0, len(heights), 2)
+    ]
     whose = [""] if len(cameras) == 1 else ["Left camera: ", "Right camera: "]
     rows = zip(panels, cameras, found.pictures, whose, strict=True)
     for (residuals, coverage, errors), camera, pictures, name in rows:
@@ -445,7 +457,7 @@ def _arrows(
         arrows, 0.93, 0.04, shown, f"{shown:g} px", labelpos="W", fontproperties={"size": 8}
     )
     axes.plot(*camera.principal_point, "+", color=_OUT, markersize=10)
-    title = f"{whose}Seen minus projected, rms {camera.reprojection_error:.3f} px"
+    title = f"{whose}Residuals, rms {camera.reprojection_error:.3f} px"
     dress(axes, title=title, x="u / pixels", y="v / pixels")
 
 
@@ -465,10 +477,10 @@ def _errors(axes: Axes, pictures: tuple[Picture, ...]) -> None:
     axes.barh(places, [one.error or 0.0 for one in pictures], color=_USED, height=0.7)
     for place, one in enumerate(pictures):
         if one.left_out:
-            axes.text(0, place, " left out", color=_OUT, fontsize=7, va="center")
+            axes.text(0, place, " left out", color=_OUT, fontsize=8, va="center")
     dress(axes, title="Error of each picture", x="rms / pixels", y="")
     if len(pictures) <= _NAMED:
-        axes.set_yticks(places, [_short(one.name) for one in pictures], fontsize=7)
+        axes.set_yticks(places, [_short(one.name) for one in pictures], fontsize=8)
     else:
         axes.set_ylabel("picture / number", fontsize=9)
     axes.set_ylim(len(pictures) - 0.4, -0.6)

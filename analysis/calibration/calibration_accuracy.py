@@ -370,19 +370,28 @@ _SPREAD: Final = 0.3  # of a column, to either side
 
 def figures(scenario: CalibrationScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw errors over standard deviations, how many are within, and focal lengths' errors."""
-    figure = new_figure(13.0, 8.6)
-    over, within, lengths, *hands = figure.subplot_mosaic("ooowwll;ttttsss").values()
+    near = metric_value(outcome.metrics, "focal_length.near")
+    within_ = f"{near:.3g} % of the sets" if np.isfinite(near) else "An unknown share of the sets"
+    figure = new_figure(
+        height=9.0,
+        caption=f"{within_} have focal lengths within {NEAR:g} % (c). Errors of each parameter "
+        "over its claimed standard deviation (a, b), and of the camera in the hand (d, e).",
+    )
+    over, within, lengths, *hands = figure.subplot_mosaic("oo;wl;ts").values()
     _over(over, outcome)
     _within(within, outcome)
     _lengths(lengths, focal_errors(outcome.traces))
     for axes, part, unit in zip(hands, ("turn", "shift"), ("mrad", "mm"), strict=True):
-        for of, style, label in (("error", _POINT, "is"), ("sd", LIMIT | {"marker": "_"}, "said")):
+        claimed = LIMIT | {"marker": "_"}
+        for of, style, label in (("error", _POINT, "actual"), ("sd", claimed, "claimed")):
             names = [f"hand_eye_{count}.{part}_{of}" for count in scenario.counts]
             values = [metric_value(outcome.metrics, name, 1e3) for name in names]
             axes.plot(scenario.counts, values, **style, label=label)
         axes.set_ylim(0, None)
-        dress(axes, title=f"In the hand: {part}", x="pictures / number", y=f"rms error / {unit}")
-        legend(axes, loc="lower left")
+        title = "(d) Rotation" if part == "turn" else "(e) Position"
+        title = f"{title} of the camera in the hand"
+        dress(axes, title=title, x="pictures / number", y=f"rms error / {unit}")
+        legend(axes, ncols=2)
     return {"calibration-accuracy": figure}
 
 
@@ -396,8 +405,8 @@ def _over(axes: Axes, outcome: Outcome) -> None:
     largest = max(np.abs(axes.get_ylim()).max(), DEVIATIONS + 1)
     axes.set_ylim(-largest, largest)
     y = "error / standard deviation"
-    dress(axes, title="Each parameter in each set", x="", y=y)
-    legend(axes, loc="upper right")
+    dress(axes, title="(a) Error of each parameter in each set", x="", y=y)
+    legend(axes)
 
 
 def _within(axes: Axes, outcome: Outcome) -> None:
@@ -407,18 +416,20 @@ def _within(axes: Axes, outcome: Outcome) -> None:
     shares, low, high = values("within"), values("within.low"), values("within.high")
     places = np.arange(len(PARAMETERS))
     axes.errorbar(places, shares, [shares - low, high - shares], **_POINT, capsize=3)
-    axes.axhline(95, **LIMIT, label="asked: 95 %")
+    axes.axhline(95, **LIMIT, label="required: 95 %")
     axes.set_xticks(places, PARAMETERS)
     axes.set_ylim(min(80, *low) - 1, 101)
-    dress(axes, title=f"Within {DEVIATIONS:g} standard deviations", x="", y="sets / %")
-    legend(axes, loc="lower right")
+    title = f"(b) {shares.min():.3g} % or more within {DEVIATIONS:g} deviations"
+    title = title if np.isfinite(shares).all() else f"(b) Within {DEVIATIONS:g} deviations"
+    dress(axes, title=title, x="", y="sets / %")
+    legend(axes)
 
 
 def _lengths(axes: Axes, focal: Array) -> None:
-    draw_cumulative(axes, focal, {"color": _POINT["color"]}, "drawn sets")
-    axes.axvline(NEAR, **LIMIT, label=f"asked: {NEAR:g} %")
+    draw_cumulative(axes, focal, {"color": _POINT["color"]}, "sets")
+    axes.axvline(NEAR, **LIMIT, label=f"required: {NEAR:g} %")
     axes.set_xlim(0, 1.1 * max(NEAR, float(focal.max())))
     axes.set_ylim(0, 101)
     axes.locator_params(axis="x", nbins=5)
-    dress(axes, title="Focal lengths", x="error, at most / %", y="sets / %")
-    legend(axes, loc="lower right")
+    dress(axes, title="(c) Focal lengths", x="largest error / %", y="sets / %")
+    legend(axes, ncols=2)

@@ -270,12 +270,17 @@ def plot_hand_eye(found: HandEye) -> Figure:
     """Draw the residuals of each picture."""
     numbers = np.arange(len(found.names))
     names = [one[-21:].replace("$", r"\$") for one in found.names]
-    figure = new_figure(9.0, max(3.8, 0.17 * len(names) + 1.4))
+    figure = new_figure(
+        height=max(3.8, 0.18 * len(names) + 1.6),
+        caption="Difference between the tool's pose by each picture and by the arm, in rotation "
+        "and position, beside the arm's rms error.",
+    )
     for k, (axes, unit) in enumerate(zip(figure.subplots(1, 2), ("mrad", "mm"), strict=True)):
         axes.barh(numbers, 1e3 * _lengths(found.apart)[:, k], color=("#e07b00", "#1b4f9c")[k])
-        axes.axvline(1e3 * math.sqrt(3) * found.arm[k], **LIMIT, label="arm's rms")
-        dress(axes, title="Tool, picture from arm", x=f"apart / {unit}", y="")
-        axes.set_yticks(numbers, names, fontsize=7)
+        axes.axvline(1e3 * math.sqrt(3) * found.arm[k], **LIMIT, label="rms error of the arm")
+        title = f"({'ab'[k]}) {('Rotation', 'Position')[k]} of the tool"
+        dress(axes, title=title, x=f"difference / {unit}", y="")
+        axes.set_yticks(numbers, names, fontsize=8)
         axes.invert_yaxis()
-        legend(axes, loc="lower right")
+        legend(axes)
     return figure

@@ -332,13 +332,23 @@ def figures(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str
     """
     names = (*_SHARES, *(one.metric for one in limits_of(scenario.cycle)))
     slides = bool(np.isfinite(outcome.traces["wall.slide_force"]).any())
-    figure = new_figure(14.0 if slides else 10.0, 0.34 * len(names) + 1.4)
-    columns = figure.subplots(1, 2 if slides else 1, squeeze=False)[0]
+    done = {
+        _LABELS[one][0]: metric_value(outcome.metrics, f"{one}.{_SHARES[-1]}")
+        for one in scenario.remedies
+    }
+    known = ", ".join(f"{share:.3g} % ({name})" for name, share in done.items() if share >= 0)
+    heights = [0.34 * len(names) + 1.4, *([3.2] if slides else [])]
+    figure = new_figure(
+        height=sum(heights),
+        caption=f"Cycles that keep all limits: {known or 'unknown'}. Share of {scenario.trials} "
+        "randomised cycles within each limit, with 95 % intervals.",
+    )
+    columns = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     _shares(columns[0], scenario.remedies, names, scenario.trials, outcome)
     if slides:
         _slides(columns[1], scenario.remedies, outcome)
     handles, labels = columns[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     return {"charging-campaign": figure}
 
 
@@ -355,7 +365,7 @@ def _shares(
         )
         look = {"color": color, "markersize": 4}
         draw_intervals(axes, rows + offset, share, low, high, look, label)
-    title = f"Share of randomised cycles (n = {trials}) within each limit, with 95 % intervals"
+    title = f"Share of {trials} randomised cycles within each limit"
     dress(axes, title=title, x="share / %", y="")
     name_rows(axes, names)
     axes.set_xlim(-2, 102)
@@ -380,8 +390,8 @@ def _slides(axes: Axes, remedies: Sequence[str], outcome: Outcome) -> None:
         axes.plot(gone, np.zeros(len(gone)), "x", color=color, markersize=7)
     dress(
         axes,
-        title="Force on the wall while a nugget slides; less than 2 N asked; x: contact lost",
-        x="dry friction of the quill as drawn / N",
-        y="least to most / N",
+        title="Range of the force on the wall while sliding (limit: 2 N; x: contact lost)",
+        x="dry friction of the quill / N",
+        y="force / N",
     )
     axes.set_ylim(bottom=-0.1)

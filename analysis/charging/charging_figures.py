@@ -15,11 +15,11 @@ from chamfer.analysis.drawing.figure_kit import (
     Curve,
     ReferenceLine,
     draw_lines,
+    metric_value,
     shade,
 )
 from chamfer.analysis.drawing.figure_style import (
     BAND,
-    BESIDE,
     CONTACT_LOST,
     DESIRED,
     LIMIT,
@@ -117,7 +117,8 @@ def _panel(
     y: str,
     x: str = "",
 ) -> None:
-    draw_lines(axes, (), curves, title=title, y=y, over=x, levels=levels, key="beside")
+    draw_lines(axes, (), curves, title=title, y=y, over=x, levels=levels)
+    legend(axes, ncols=5)
 
 
 def _limit(at: float, unit: str, ours: str = "") -> ReferenceLine:
@@ -130,22 +131,27 @@ _OUTLINES: Final = 9  # of a nugget along a slew
 def plot_acquire(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     """Draw the pick-up of the items."""
     traces = run.outcome.traces
-    figure = new_figure(10.0, 6.0)
+    down, up = (run.said(f"acquire.{name}_speed", CM) for name in ("descent", "lift"))
+    grip = run.said("acquire.grip_force")
+    figure = new_figure(
+        height=5.6,
+        caption=f"The gripper goes down at {down} cm/s and up at {up} cm/s, and presses on the "
+        f"feeder with up to {grip} N. Each curve is one item.",
+    )
     speed, force = figure.subplots(2, 1, sharex=True)
     rate = np.gradient(traces["z"], traces["time"])
-    down, up = (run.said(f"acquire.{name}_speed", CM) for name in ("descent", "lift"))
     _panel(
         speed,
         _courses(shown, CM * rate, named=True),
         [ReferenceLine(-15.0, None, LIMIT), ReferenceLine(15.0, "15 cm/s", LIMIT)],
-        f"(a) Down at {down} cm/s, up at {up} cm/s; 15 cm/s are wanted",
+        f"(a) Down at {down} cm/s, up at {up} cm/s (desired: 15 cm/s)",
         "speed upwards / cm/s",
     )
     _panel(
         force,
         _courses(shown, traces["feeder_peak_force"]),
         [_limit(20.0, "N")],
-        f"(b) Gripped with at most {run.said('acquire.grip_force')} N; less than 20 N are wanted",
+        f"(b) Gripped with up to {grip} N (limit: 20 N)",
         "force on the feeder / N",
         "time since the descent began / s",
     )
@@ -155,7 +161,12 @@ def plot_acquire(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 def plot_scan(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     """Draw the items' passes over the scanner."""
     traces = run.outcome.traces
-    figure = new_figure(10.0, 6.0)
+    off_speed, off_path = (run.said(f"scan.{name}_error", MM) for name in ("speed", "position"))
+    figure = new_figure(
+        height=5.6,
+        caption=f"Over the scanner the speed is off by up to {off_speed} mm/s and the position by "
+        f"up to {off_path} mm. Each curve is one item.",
+    )
     speed, error = figure.subplots(2, 1, sharex=True)
     station = run.scenario.station.true
     nugget = in_space(traces, "nugget")
@@ -171,23 +182,20 @@ def plot_scan(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     half = MM * station.scan_length / 2
     for axes in (speed, error):
         axes.axvspan(-half, half, label="over the scanner", **BAND)
-    off_speed = run.said("scan.speed_error", MM)
     _panel(
         speed,
         rates,
         [ReferenceLine(3.0, "3 cm/s", LIMIT)],
-        f"(a) Over the scanner the speed is off by {off_speed} mm/s at most; "
-        "constant 3 cm/s are wanted",
+        f"(a) Speed error over the scanner up to {off_speed} mm/s (desired: constant 3 cm/s)",
         "speed / cm/s",
     )
     _panel(
         error,
         errors,
         [_limit(0.5, "mm")],
-        f"(b) It is {run.said('scan.position_error', MM)} mm off its way at most; "
-        "0.5 mm are wanted",
-        "off the command / mm",
-        "way along the scanner / mm",
+        f"(b) Position error over the scanner up to {off_path} mm (limit: 0.5 mm)",
+        "position error / mm",
+        "position along the scanner / mm",
     )
     return figure
 
@@ -195,7 +203,15 @@ def plot_scan(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 def plot_slew(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     """Draw the items' slews into the crucible."""
     traces = run.outcome.traces
-    figure = new_figure(10.0, 6.0)
+    took, off, clear = (
+        run.said(f"slew.{name}", scale)
+        for name, scale in (("time", 1.0), ("position_error", MM), ("clearance", MM))
+    )
+    figure = new_figure(
+        height=6.2,
+        caption=f"Items move into the crucible in {took} s, up to {off} mm off the command, and "
+        f"clear its wall by {clear} mm.",
+    )
     error, side = figure.subplots(2, 1, height_ratios=(1.3, 1.0))
     station = run.scenario.station.true
     nugget = in_space(traces, "nugget")
@@ -224,16 +240,13 @@ def plot_slew(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
         error,
         _courses(shown, MM * _off_command(traces), named=True),
         [_limit(10.0, "mm")],
-        f"(a) In {run.said('slew.time')} s, "
-        f"{run.said('slew.position_error', MM)} mm off at most; "
-        "about 2.5 s and 10 mm are wanted",
-        "off the command / mm",
+        f"(a) Slew in {took} s, up to {off} mm off (desired: 2.5 s, limit: 10 mm)",
+        "position error / mm",
         "time in the slew / s",
     )
     dress(
         side,
-        title=f"(b) It clears the crucible by {run.said('slew.clearance', MM)} mm; "
-        "not to touch it is wanted",
+        title=f"(b) Clearance to the crucible: {clear} mm",
         x="distance from the crucible's axis / mm",
         y="height / mm",
     )
@@ -243,7 +256,11 @@ def plot_slew(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 def plot_wall(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     """Draw the laying of items at the wall."""
     traces = run.outcome.traces
-    figure = new_figure(11.0, 9.0)
+    figure = new_figure(
+        height=9.5,
+        caption=f"Nuggets slide down the wall with up to {run.said('wall.slide_force')} N and "
+        f"{run.said('wall.losses')} losses of contact. Each curve is one item.",
+    )
     speed, force, layer, shift = figure.subplots(
         4, 1, sharex=True, height_ratios=(1.0, 1.6, 1.0, 1.0)
     )
@@ -266,7 +283,7 @@ def plot_wall(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
         speed,
         speeds,
         [_limit(10.0, "cm/s")],
-        f"(a) Towards the wall with {approach} cm/s; at most 10 cm/s are wanted",
+        f"(a) Towards the wall at {approach} cm/s (limit: 10 cm/s)",
         "speed outwards / cm/s",
     )
     low, high = (run.said(f"wall.slide_force{end}") for end in ("_min", ""))
@@ -276,7 +293,7 @@ def plot_wall(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
         forces,
         [_limit(2.0, "N"), desired],
         f"(b) Sliding down (thick) with {low} to {high} N, "
-        f"{run.said('wall.losses')} losses of contact; less than 2 N and none are wanted",
+        f"{run.said('wall.losses')} losses of contact (limit: 2 N)",
         "force on the wall / N",
     )
     force.set_ylim(0.0, None)
@@ -287,20 +304,24 @@ def plot_wall(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 def plot_crown(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     """Draw the laying of items on the crown."""
     traces = run.outcome.traces
-    figure = new_figure(11.0, 7.0)
+    place = run.said("crown.position_error", MM)
+    figure = new_figure(
+        height=7.5,
+        caption=f"Items are set down on the crown {place} mm from their goal, with up to "
+        f"{run.said('crown.peak_force')} N. Each curve is one item.",
+    )
     error, layer, shift = figure.subplots(3, 1, sharex=True)
     nugget, carried = in_space(traces, "nugget"), _carried(traces)
     away = []
     for part in shown:
         off = np.linalg.norm(nugget - items_of(run.scenario)[part.item].goal, axis=1)
         away += _courses([part], np.where(carried, MM * off, np.nan), named=True)
-    place = run.said("crown.position_error", MM)
     _panel(
         error,
         away,
         [_limit(10.0, "mm", " (ours)")],
-        f"(a) Set down {place} mm from its place; within 10 mm is wanted",
-        "from its place / mm",
+        f"(a) Set down {place} mm from its goal (limit: 10 mm)",
+        "distance to goal / mm",
     )
     error.set_yscale("log")
     _laid(layer, shift, run, shown, "crown")
@@ -310,13 +331,17 @@ def plot_crown(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
 def plot_bulk(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     """Draw the places of the bulk loads and all other items."""
     traces = run.outcome.traces
-    figure = new_figure(10.0, 4.0)
+    off = run.said("bulk.position_error", MM)
+    figure = new_figure(
+        height=3.6,
+        caption=f"Bulk loads are poured {off} mm from their goal. Each curve is one load.",
+    )
     _panel(
         figure.subplots(),
         _courses(shown, MM * _off_command(traces), named=True),
         [_limit(10.0, "mm")],
-        f"Poured {run.said('bulk.position_error', MM)} mm from its place; within 10 mm is wanted",
-        "off the command / mm",
+        f"Poured {off} mm from its goal (limit: 10 mm)",
+        "position error / mm",
         "time in the mode / s",
     )
     return figure
@@ -332,16 +357,16 @@ def _laid(
         layer,
         _courses(shown, traces["layer_peak_force"]),
         [_limit(2.0, "N")],
-        f"({letters[0]}) Set down with {run.said(f'{mode}.peak_force')} N at most, met with "
-        f"{run.said(f'{mode}.impact_speed', CM)} cm/s; less than 2 N and 20 cm/s are wanted",
+        f"({letters[0]}) Set down with up to {run.said(f'{mode}.peak_force')} N at "
+        f"{run.said(f'{mode}.impact_speed', CM)} cm/s (limits: 2 N, 20 cm/s)",
         "force on the layer / N",
     )
     _panel(
         shift,
         _courses(shown, MM * traces["layer_shift"]),
         [_limit(0.5, "mm")],
-        f"({letters[1]}) The layer is moved by "
-        f"{run.said(f'{mode}.layer_shift', MM)} mm; at most 0.5 mm are wanted",
+        f"({letters[1]}) Layer shifted by {run.said(f'{mode}.layer_shift', MM)} mm "
+        "(limit: 0.5 mm)",
         "shift / mm",
         "time in the mode / s",
     )
@@ -359,13 +384,17 @@ def plot_landscape(run: ChargingRun) -> Figure | None:
     traces = run.outcome.traces
     taken, true = (in_space(traces, name) for name in ("normal", "true_normal"))
     tilts = [np.degrees(np.arccos(np.clip(one[:, 2], -1.0, 1.0))) for one in (taken, true)]
-    figure = new_figure(11.0, 9.0)
+    figure = new_figure(
+        height=9.0,
+        caption="Nuggets that follow what lies below them: force, estimated slope with its 95 % "
+        "band, and direction of the force control beside the true normal (dotted).",
+    )
     force, normal, *selected = figure.subplots(4, 1, sharex=True)
     _panel(
         force,
         _courses(shown, traces["layer_peak_force"], named=True),
         [_limit(2.0, "N")],
-        "(a) Force on the nugget below, followed and set down on; less than 2 N is wanted",
+        "(a) Force on the nugget below (limit: 2 N)",
         "force / N",
     )
     if "normal_deviation" in traces:
@@ -379,8 +408,8 @@ def plot_landscape(run: ChargingRun) -> Figure | None:
         normal,
         (),
         [*_courses(shown, tilts[0]), *_courses(dotted, tilts[1])],
-        title="(b) Slope as it is estimated, with its 95 % band, and as it is (dotted)",
-        y="slope / degrees",
+        title="(b) Estimated slope with 95 % band, and true slope (dotted)",
+        y="slope / deg",
         over="",
     )
     for axes, i, letter in zip(selected, (0, 1), "cd", strict=True):
@@ -389,7 +418,7 @@ def plot_landscape(run: ChargingRun) -> Figure | None:
             axes,
             (),
             [*_courses(shown, taken[:, i]), *_courses(dotted, true[:, i])],
-            title=f"({letter}) Direction under force control, along {axis}; the normal (dotted)",
+            title=f"({letter}) Force direction along {axis}, and true normal (dotted)",
             y=f"part along {axis}",
             over="time since the touch / s" if i else "",
         )
@@ -406,7 +435,14 @@ def plot_places(scenario: ResolvedCrucibleChargingScenario, outcome: Outcome) ->
     ]
     if not any(map(len, held)):
         return None
-    figure = new_figure(9.0, 6.0)
+    placed, laid = (metric_value(outcome.metrics, f"cycle.{name}") for name in ("placed", "laid"))
+    says = f"{placed:.0f} of {laid:.0f} items end at their goal"
+    says = says if placed >= 0 else "Items and their goals"
+    figure = new_figure(
+        height=5.6,
+        caption=f"{says}: the crucible from above, with the place of each item (dot, outline) "
+        "and its goal (plus).",
+    )
     axes = figure.subplots()
     x, y = (MM * one for one in station.crucible_centre)
     style = {**GLASS, "alpha": 0.4, "label": "crucible, inner wall"}
@@ -428,11 +464,11 @@ def plot_places(scenario: ResolvedCrucibleChargingScenario, outcome: Outcome) ->
     axes.autoscale_view()
     dress(
         axes,
-        title="Where each item was left (.), and where it was to go (+)",
+        title=f"{says} (dot: item, plus: goal)",
         x="x / mm",
         y="y / mm",
     )
-    legend(axes, **BESIDE)
+    legend(axes)
     return figure
 
 

@@ -39,7 +39,7 @@ AXIS_LOOKS: Final[dict[str, Style]] = {
 LATERAL: Final[Style] = _line("#e07b00", "-", 1.6)  # errors of a part
 ROTATIONAL: Final[Style] = _line("#1b4f9c", "--", 1.6)
 # Estimators of the surface normal: label, colour, marker.
-OBSERVERS: Final[dict[str, tuple[str, str, str]]] = {
+OBSERVER_LOOKS: Final[dict[str, tuple[str, str, str]]] = {
     "thesis": ("thesis", "#555555", "s"),
     "gated": ("gated", "#9a9a9a", "v"),
     "prior_weights": ("weights from the prior", "#b58900", "<"),
@@ -47,7 +47,7 @@ OBSERVERS: Final[dict[str, tuple[str, str, str]]] = {
     "curvature": ("curvature state", "#6fa0e8", ">"),
     "friction": ("friction-angle state", "#b00020", "X"),
     "mixture": ("earlier adaptive, mixture only", "#8f5bb5", "p"),
-    "trusting": ("adaptive, trusts its model", "#1b4f9c", "D"),
+    "trusting": ("adaptive, without model_error", "#1b4f9c", "D"),
     "adaptive": ("adaptive", "#e07b00", "o"),
     "adaptive_vision": ("adaptive, camera", "#7a4100", "d"),
 }
@@ -106,6 +106,6 @@ def legend(axes: Axes, **options: Any) -> None:
     place: Style = {}
     if not {"loc", "bbox_to_anchor"} & set(options):
         label = axes.get_xlabel()
-        place = BELOW | {"borderaxespad": 2.8 + 1.4 * label.count("\n") if label else 1.4}
+        place = BELOW | {"borderaxespad": 3.2 + 1.4 * label.count("\n") if label else 1.4}
         place["borderaxespad"] += 1.4 if axes.xaxis.get_tick_params()["labelbottom"] else 0.0
     axes.legend(**{"fontsize": 8, "framealpha": 0.9, "edgecolor": "none", **place, **options})

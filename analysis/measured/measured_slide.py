@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from chamfer.analysis.campaign.trial_metrics import prefixed
-from chamfer.analysis.drawing.figure_style import BAND, FORCE, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_kit import metric_value
+from chamfer.analysis.drawing.figure_style import (
+    AXIS_LOOKS,
+    BAND,
+    FORCE,
+    OBSERVER_LOOKS,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.identify.identified import identify
 from chamfer.analysis.identify.log import Log, read_log
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column, measured
@@ -375,20 +384,22 @@ def _identified(log: Log, time: Array) -> tuple[dict[str, Metric], Array]:
     return found | {"residual": measured(rms, "m", missing="no impedance was recorded")}, left
 
 
-_LOOK: Final = {"thesis": ("thesis", "#555555"), "adaptive": ("adaptive", "#e07b00")}
-_AXES: Final = {"x": "#1b4f9c", "y": "#6fa0e8", "z": "#7a0060"}
-
-
 def figures(scenario: MeasuredSlideScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw, a row a recording, errors with their bands, the push, and the impedance's residual."""
     names, traces = tuple(_paths(scenario)), outcome.traces
-    figure = new_figure(15.0, 3.0 * len(names) + 0.5)
+    rms = (metric_value(outcome.metrics, f"{name}.adaptive.rms") for name in names)
+    known = [f"{one:.2g} deg ({name})" for one, name in zip(rms, names, strict=True) if one >= 0]
+    figure = new_figure(
+        height=2.6 * len(names) + 1.2,
+        caption=f"RMS error of the adaptive observer: {', '.join(known) or 'no contact'}. A row "
+        "for each recording: error of the normal, force, and what the impedance law leaves.",
+    )
     panels = figure.subplots(len(names), 3, squeeze=False)
     for i, (name, row) in enumerate(zip(names, panels, strict=True)):
         here = traces["recording"] == i
         _draw(name, row, {key: values[here] for key, values in traces.items()})
     for axes in panels[-1]:
-        legend(axes, loc="upper left", bbox_to_anchor=(0.0, -0.22), ncols=2)
+        legend(axes)
     return {"measured-slide": figure}
 
 
@@ -396,18 +407,23 @@ def _draw(name: str, row: Array, rows: Table) -> None:
     errors_of, push, left = row
     time, touches = rows["time"], np.isfinite(rows["thesis.error"])
     begin = time[rows["counts"] > 0][0] if rows["counts"].any() else None
-    for kind, (label, colour) in _LOOK.items():
+    for label, colour, _ in (OBSERVER_LOOKS[kind] for kind in ("thesis", "adaptive")):
+        kind = label
         errors_of.plot(time, rows[f"{kind}.error"], color=colour, linewidth=1.0, label=label)
         band = np.where(touches, rows[f"{kind}.band"], np.nan)
-        three = f"{label}, three deviations"
+        three = f"{label}, 3 deviations"
         errors_of.plot(time, band, color=colour, linewidth=0.8, linestyle=":", label=three)
         push.plot(time, rows[f"{kind}.push"], color=colour, linewidth=1.0, label=f"along {label}")
     push.plot(
-        time, np.sqrt(sum(rows[f"force_{axis}"] ** 2 for axis in "xyz")), label="whole", **FORCE
+        time,
+        np.sqrt(sum(rows[f"force_{axis}"] ** 2 for axis in "xyz")),
+        label="magnitude",
+        **FORCE,
     )
-    push.axhline(0.0, color="#b00020", linewidth=0.8, label="below it a surface would pull")
-    for axis, colour in _AXES.items():
-        left.plot(time, rows[f"residual_{axis}"], color=colour, linewidth=0.8, label=axis)
+    push.axhline(0.0, color="#b00020", linewidth=0.8, label="0: below, it would pull")
+    for axis, style in AXIS_LOOKS.items():
+        look = {"color": style["color"], "linewidth": 0.8, "label": axis}
+        left.plot(time, rows[f"residual_{axis}"], **look)
     if begin is not None:
         errors_of.axvspan(time[touches][0], begin, **BAND)
         errors_of.set_ylim(0.0, 6.0)
@@ -416,14 +432,14 @@ def _draw(name: str, row: Array, rows: Table) -> None:
         errors_of.text(0.5, 0.5, "no contact: no normal", ha="center", transform=where)
     dress(
         errors_of,
-        title=f"{name}: error of the normal (grey: does not count)",
+        title=f"{name}: error of the normal (grey: not counted)",
         x="time / s",
         y="angle / °",
     )
-    dress(push, title="recorded force, along the estimated normals", x="time / s", y="force / N")
+    dress(push, title="Recorded force along the normals", x="time / s", y="force / N")
     dress(
         left,
-        title="x0 - x - (F + D v) / K where the tip moves",
+        title="Residual of the impedance law",
         x="time / s",
         y="displacement / m",
     )

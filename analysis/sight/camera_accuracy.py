@@ -272,16 +272,22 @@ def figures(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure
     """Draw the example frames and, for every case and kind of image, rms and largest errors."""
     pixel_size = scenario.cameras.pixel_size
     names = kinds(scenario.cameras.renderer)
-    figure = new_figure(13.0, 8.2)
-    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=(0.42, 1.0))[:, 0]
+    poses = len(np.unique(outcome.traces["trial"]))
+    sampled = " Sampled: a pixel shows one point of the scene, not its mean."
+    figure = new_figure(
+        height=11.5,
+        caption=f"Errors of detection in {poses} poses each: rms (marker) and largest (end of the "
+        f"line), in the image and in space.{sampled if 'sampled' in names else ''}",
+    )
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=(0.25, 1.0))[:, 0]
     _frames(top, outcome.tables)
-    panels = bottom.subplots(1, 4, sharey=True)
+    panels = bottom.subplots(2, 2, sharey=True).ravel()
     lateral, axial, angle, space = panels
     rows = [i * (len(names) + 1) + j + 1 for i in range(len(CASES)) for j in range(len(names))]
     factors = {name: 1 / pixel_size if "scaled" in name else 1.0 for name in _IN_IMAGE}
     for axes, quantity, title in (
-        (lateral, "lateral", "Across the axis"),
-        (axial, "axial", "Along the axis"),
+        (lateral, "lateral", "(a) Across the axis"),
+        (axial, "axial", "(b) Along the axis"),
     ):
         _errors(axes, outcome, names, rows, _IN_IMAGE, quantity, factors)
         axes.axvline(SIGNAL_ACCURACY / pixel_size, label="published: sub-millimetre", **PUBLISHED)
@@ -293,10 +299,10 @@ def figures(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure
         above.set_xlabel("at the parts / mm", fontsize=9)
         above.tick_params(labelsize=8)
     _errors(angle, outcome, names, rows, _IN_IMAGE, "angle", dict.fromkeys(_IN_IMAGE, 1e3))
-    dress(angle, title="Angle of the axis", x="error / mrad", y="")
+    dress(angle, title="(c) Angle of the axis", x="error / mrad", y="")
     _errors(space, outcome, names, rows, _IN_SPACE, "tip", dict.fromkeys(_IN_SPACE, 1e3))
     space.axvline(1e3 * SIGNAL_ACCURACY, **PUBLISHED)
-    dress(space, title="Tips in space, by stereo", x="error / mm", y="")
+    dress(space, title="(d) Tips in space, by stereo", x="error / mm", y="")
     for axes in panels:
         axes.set_xscale("log")
         axes.grid(False, axis="y")
@@ -313,21 +319,16 @@ def figures(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure
         reach = getattr(scenario, case.spread).peg
         rolled = f"{scenario.cameras.roll:g} rad" if case.rolled else "0"
         text = f"within {1e3 * reach.distance:g} mm, {1e3 * reach.angle:g} mrad; roll {rolled}"
-        lateral.text(
-            0.02, head, text, transform=lateral.get_yaxis_transform(), fontsize=8, va="center"
-        )
-    poses = len(np.unique(outcome.traces["trial"]))
-    text = f"Errors in {poses} poses each: rms (marker) and largest (end of the line)"
-    if "sampled" in names:
-        text += "; sampled: a pixel shows one point of the scene, not its mean"
-    bottom.suptitle(text, fontsize=10)
+        for axes in (lateral, angle):
+            place: Style = {"transform": axes.get_yaxis_transform(), "va": "center"}
+            axes.text(0.02, head, text, fontsize=8, **place)
     handles, labels = lateral.get_legend_handles_labels()
     more, others = space.get_legend_handles_labels()
     bottom.legend(
         [*handles, more[-1]],
         [*labels, others[-1]],
         loc="outside lower center",
-        ncols=8,
+        ncols=3,
         fontsize=8,
         edgecolor="none",
     )
@@ -378,8 +379,8 @@ def _frames(figure: SubFigure, tables: Mapping[str, Table]) -> None:
         if np.isfinite([tip_u, tip_v]).all():
             enlarged.set_xlim(tip_u - _ZOOM, tip_u + _ZOOM)
             enlarged.set_ylim(tip_v + _ZOOM, tip_v - _ZOOM)
-        for axes, text in ((frame, title), (enlarged, "the peg's tip")):
-            axes.set_title(text, fontsize=10, loc="left", fontweight="bold")
+        for axes, text in ((frame, title), (enlarged, "tip of the peg")):
+            axes.set_title(text, fontsize=9, loc="left", fontweight="bold")
 
 
 def _mark(axes: Axes, found: Table) -> None:

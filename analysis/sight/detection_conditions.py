@@ -290,8 +290,8 @@ def resolve_detection_conditions(scenario: ConditionsScenario) -> ResolvedCondit
 
 _COLOURS: Final = {"found": "#8fc79a", "refused": "#d9d9d9", "wrong": "#b00020"}
 _SAID: Final = {"found": "found", "refused": "refused", "wrong": "valid but wrong"}
-_EXPLAINED: Final = 40  # %, refused, from which on it is said why
-_COLUMNS: Final = 5  # of pictures
+_EXPLAINED: Final = 55  # %, refused, from which on it is said why
+_COLUMNS: Final = 4  # of pictures
 
 
 def figures(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Mapping[str, Figure]:
@@ -303,7 +303,13 @@ def figures(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Mapping[s
 
 
 def _plot_conditions(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Figure:
-    figure = new_figure(12.0, 1.6 + 0.27 * len(scenario.conditions))
+    count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))
+    says = f"{wrong:.0f} of {count:.0f} pictures are valid but wrong"
+    figure = new_figure(
+        height=1.8 + 0.27 * len(scenario.conditions),
+        caption=f"{says}. Share of pictures in which both parts were found, by condition and "
+        "severity; the number right of a bar is the level of the condition.",
+    )
     panels: list[Axes] = list(figure.subplots(1, len(SEVERITIES), sharey=True, squeeze=False)[0])
     for k, (axes, severity) in enumerate(zip(panels, SEVERITIES, strict=True)):
         rows, texts = [], []
@@ -319,18 +325,13 @@ def _plot_conditions(scenario: ResolvedConditionsScenario, outcome: Outcome) -> 
             rows.append(shares)
             texts.append(own)
             level = f"{CONDITIONS[condition].levels[k]:g}"
-            axes.text(101, row, level, va="center", fontsize=7, color="#555555")
+            axes.text(101, row, level, va="center", fontsize=8, color="#555555")
         draw_shares(axes, rows, _COLOURS, texts)
         axes.set_title(severity, fontsize=10, loc="left", fontweight="bold")
         axes.set_xlabel("pictures / %", fontsize=9)
     said = [CONDITIONS[condition].said for condition in scenario.conditions]
     name_rows(panels[0], [text.split(", ")[0] for text in said])
-    count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))
-    figure.suptitle(
-        f"{count:.0f} pictures, both parts wanted in each: {wrong:.0f} valid but wrong; "
-        "right of a bar its level",
-        fontsize=10,
-    )
+    figure.suptitle(f"{says} (right of each bar: level)", fontsize=9)
     colour_legend(figure, {_SAID[ending]: colour for ending, colour in _COLOURS.items()})
     return figure
 
@@ -338,7 +339,11 @@ def _plot_conditions(scenario: ResolvedConditionsScenario, outcome: Outcome) -> 
 def _plot_pictures(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Figure:
     table = outcome.tables["pictures"]
     rows = math.ceil(len(scenario.conditions) / _COLUMNS)
-    figure = new_figure(2.4 * _COLUMNS, 1.45 * rows)
+    figure = new_figure(
+        height=1.25 * rows,
+        caption=f"A picture of the parts under each of {len(scenario.conditions)} conditions, at "
+        "middle severity.",
+    )
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
     for axes in panels:
         axes.set_axis_off()

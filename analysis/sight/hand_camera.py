@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.drawing.figure_kit import colour_legend, draw_shares, name_rows
+from chamfer.analysis.drawing.figure_kit import colour_legend, draw_shares, metric_value, name_rows
 from chamfer.analysis.drawing.figure_style import new_figure
 from chamfer.analysis.scenario.experiment import Outcome, Progress, column
 from chamfer.analysis.sight.mouth_conditions import CONDITIONS, MouthScene, mouth_picture
@@ -159,7 +159,15 @@ _COLOURS: Final = {"found": "#8fc79a", "refused": "#d9d9d9", "wrong": "#b00020"}
 
 def figures(scenario: ResolvedHandCameraScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw the shares of outcomes, and the errors over the claimed standard deviations."""
-    figure = new_figure(12.0, 1.8 + 0.27 * len(CONDITIONS))
+    count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))
+    lateral = 1e6 * metric_value(outcome.metrics, "plain.lateral_error.95")
+    says = f"{wrong:.0f} of {count:.0f} pictures are valid but wrong"
+    within = f" 95 % of the plain ones are within {lateral:.0f} µm." if lateral >= 0 else ""
+    figure = new_figure(
+        height=2.0 + 0.27 * len(CONDITIONS),
+        caption=f"{says}.{within} Share of pictures found by condition and severity (right of a "
+        "bar: level), and errors over claimed deviations.",
+    )
     panels = list(figure.subplots(1, len(SEVERITIES) + 1, squeeze=False)[0])
     for k, severity in enumerate(SEVERITIES):
         axes, rows = panels[k], []
@@ -170,7 +178,7 @@ def figures(scenario: ResolvedHandCameraScenario, outcome: Outcome) -> Mapping[s
             )
             rows.append({"found": found, "refused": 100 - found - wrong, "wrong": wrong})
             level = f"{condition.levels[k]:g}"
-            axes.text(101, row, level, va="center", fontsize=7, color="#555555")
+            axes.text(101, row, level, va="center", fontsize=8, color="#555555")
         draw_shares(axes, rows, _COLOURS)
         axes.set_title(severity, fontsize=10, loc="left", fontweight="bold")
         axes.set_xlabel("pictures / %", fontsize=9)
@@ -188,15 +196,9 @@ def figures(scenario: ResolvedHandCameraScenario, outcome: Outcome) -> Mapping[s
     for side in (-_MANY, _MANY):
         axes.axvline(side, color=_COLOURS["wrong"], linewidth=1)
     axes.set_title("errors", fontsize=10, loc="left", fontweight="bold")
-    axes.set_xlabel("error / claimed deviation", fontsize=9)
+    axes.set_xlabel("error / deviation", fontsize=9)
     axes.tick_params(labelsize=8)
-    count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))
-    lateral = 1e6 * (outcome.metrics["plain.lateral_error.95"].value or math.nan)
-    figure.suptitle(
-        f"{count:.0f} pictures by a camera in the hand: {wrong:.0f} wrong and sure; "
-        f"95 % of plain ones within {lateral:.0f} µm across; right of a bar its level",
-        fontsize=10,
-    )
-    colours = {name.replace("wrong", "wrong and sure"): of for name, of in _COLOURS.items()}
+    figure.suptitle(f"{says} (right of each bar: level)", fontsize=9)
+    colours = {name.replace("wrong", "valid but wrong"): of for name, of in _COLOURS.items()}
     colour_legend(figure, colours)
     return {"hand-camera": figure}

@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import metric_value, name_rows
-from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import (
+    OBSERVER_LOOKS,
+    PUBLISHED,
+    dress,
+    new_figure,
+)
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
     Contender,
@@ -305,22 +310,21 @@ def resolve_model_error(scenario: ModelErrorScenario) -> ModelErrorScenario:
 
 _COVERAGE: Final = 99.0  # %
 _SQUARES: Final = (0.5, 1.5)
-_LOOK: Final = {
-    "thesis": ("thesis", "#555555"),
-    "trusting": ("adaptive, without model_error", "#6fa0e8"),
-    "adaptive": ("adaptive, knowing of errors", "#e07b00"),
-}
 
 
 def figures(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw rms, coverage and normalised error squared of each observer on each surface."""
-    figure = new_figure(14.0, 8.0)
+    figure = new_figure(
+        height=0.24 * len(scenario.surfaces) + 3.4,
+        caption="Error, coverage and consistency of each observer on each surface, with a correct "
+        "model and with model errors; the shaded range is the required one.",
+    )
     panels = figure.subplots(1, 3, sharey=True, width_ratios=(3, 2, 3))
     rows = np.arange(len(scenario.surfaces))
     offsets = np.linspace(-0.26, 0.26, len(OBSERVERS))
     for axes, quantity in zip(panels, ("rms", "coverage", "nees"), strict=True):
         for observer, offset in zip(OBSERVERS, offsets, strict=True):
-            label, color = _LOOK[observer]
+            label, color, _ = OBSERVER_LOOKS[observer]
             for kind, (name, marker, fill) in _KINDS.items():
                 values = [
                     metric_value(outcome.metrics, f"{one}.{observer}.{kind}.{quantity}")
@@ -333,14 +337,17 @@ def figures(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figu
     errors, coverage, squares = panels
     for axes in (errors, squares):
         axes.set_xscale("log")
-    coverage.axvline(_COVERAGE, label=f"asked for, {_COVERAGE:g} %", **PUBLISHED)
+    coverage.axvline(_COVERAGE, label=f"required, {_COVERAGE:g} %", **PUBLISHED)
     low, high = _SQUARES
-    label = f"asked for, {low:g} to {high:g}"
+    label = f"required, {low:g} to {high:g}"
     squares.axvspan(low, high, color="#cccccc", alpha=0.5, linewidth=0, label=label)
-    dress(errors, title="Error of the normal", x="rms error / °", y="")
-    dress(coverage, title="Within 3 deviations", x="coverage / %", y="")
-    dress(squares, title="Normalised error squared", x="error squared over variance / 1", y="")
+    dress(errors, title="(a) Error of the normal", x="rms error / °", y="")
+    dress(coverage, title="(b) Within 3 deviations", x="coverage / %", y="")
+    dress(squares, title="(c) Normalised error squared", x="error squared / variance", y="")
     coverage.set_xlim(0, 102)
     name_rows(errors, [one.replace("_", " ") for one in scenario.surfaces], apart=panels)
-    legend(squares, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    look = {"loc": "outside lower center", "ncols": 3, "fontsize": 8, "edgecolor": "none"}
+    handles = dict(zip(*(reversed(squares.get_legend_handles_labels())), strict=True))
+    handles |= dict(zip(*(reversed(coverage.get_legend_handles_labels())), strict=True))
+    figure.legend(handles.values(), handles, **look)
     return {"observer-model-error": figure}

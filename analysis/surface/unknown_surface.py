@@ -20,9 +20,10 @@ from chamfer.analysis.drawing.figure_kit import (
     FilledBand,
     ReferenceLine,
     draw_lines,
+    metric_value,
 )
 from chamfer.analysis.drawing.figure_style import (
-    BESIDE,
+    AXIS_LOOKS,
     DESIRED,
     FORCE,
     NOTE,
@@ -80,7 +81,6 @@ TRUTH: Final[Style] = {"color": "#111111", "linestyle": (0, (5, 2)), "linewidth"
 ESTIMATE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.3}
 UNCERTAIN: Final[Style] = {"color": "#6fa0e8", "alpha": 0.35, "linewidth": 0}
 SAMPLE: Final[Style] = {"color": "#b5b5b5", "linestyle": "", "marker": ".", "markersize": 2.5}
-_COLORS: Final = ("#1b4f9c", "#e07b00", "#2e7d32")  # of x, y and z
 _MARGIN: Final = 6.0  # deg, around estimate and band; single samples may be anywhere
 _OFFSET: Final = {"textcoords": "offset points"}
 
@@ -201,24 +201,40 @@ def _figures(
     resolve = resolve_tracking if isinstance(default, TrackingScenario) else resolve_estimation
     if scenario == resolve(default):  # type: ignore[arg-type]
         published = {one.metric: one for one in OBSERVER if one.experiment == experiment}
-    traces, halt = outcome.traces, math.inf
+    traces, metrics, halt = outcome.traces, outcome.metrics, math.inf
+    rms, covered = (metric_value(metrics, name) for name in ("error.rms", "coverage"))
+    known = math.isfinite(rms) and math.isfinite(covered)
+    said = f"Normal: {rms:.2g} deg rms error, {covered:.3g} % within the band"
+    said = said if known else "Estimated and true normal"
     if isinstance(scenario, ResolvedTrackingScenario):
-        figure = new_figure(11.0, 8.5)
+        low, high = (metric_value(metrics, f"force.{end}") for end in ("min", "max"))
+        holds = f"Force between {low:.2g} and {high:.2g} N, {scenario.task.force:g} N desired"
+        holds = holds if low <= high else "Contact force"
+        figure = new_figure(
+            height=10.0,
+            caption=f"{holds} (a). {said} (c), with {scenario.observer.kind} observer. "
+            "Curves are of the first seed, numbers of all.",
+        )
         force, position, normal = figure.subplots(3, 1, sharex=True, height_ratios=(4, 2, 4))
         levels = [
             (f"published {name}", value)
             for metric, name in (("force.min", "least"), ("force.max", "largest"))
             if metric in published and (value := published[metric].value) is not None
         ]
-        title = "Contact force (first seed)"
-        draw_force(force, traces, scenario.task.force, levels, title, key="beside")
+        draw_force(force, traces, scenario.task.force, levels, f"(a) {holds}")
+        legend(force, ncols=3)
         note_stability(figure, outcome)
     else:
-        figure = new_figure(11.0, 6.5)
+        figure = new_figure(
+            height=7.0,
+            caption=f"{said}, with {scenario.observer.kind} observer. The gripper is led along an "
+            "unknown surface. Curves are of the first seed, numbers of all.",
+        )
         position, normal = figure.subplots(2, 1, sharex=True, height_ratios=(2, 4))
         halt = scenario.lead.halt
-    _position(position, scenario, traces)
-    _normal(normal, scenario, traces, published)
+    letters = "bc" if isinstance(scenario, ResolvedTrackingScenario) else "ab"
+    _position(position, scenario, traces, f"({letters[0]}) Contact point")
+    _normal(normal, scenario, traces, published, f"({letters[1]}) {said}")
     if halt < scenario.duration:
         for axes in (position, normal):
             axes.axvline(halt, color="#555555", linewidth=0.8, linestyle=":")
@@ -267,18 +283,23 @@ def draw_force(
     )
 
 
-def _position(axes: Axes, scenario: ResolvedSurfaceScenario, traces: Table) -> None:
+def _position(axes: Axes, scenario: ResolvedSurfaceScenario, traces: Table, title: str) -> None:
     lines = []
-    for axis, color in zip("xyz"[: scenario.dimension], _COLORS, strict=False):
-        nominal: Style = {"color": color, "linewidth": 0.9, "linestyle": ":"}
+    for axis in "xyz"[: scenario.dimension]:
+        style = AXIS_LOOKS[axis]
+        nominal: Style = {"color": style["color"], "linewidth": 0.9, "linestyle": ":"}
         lines.append(Curve(traces[f"nominal_{axis}"], f"{axis}, nominal", nominal))
-        lines.append(Curve(traces[f"point_{axis}"], axis, {"color": color, "linewidth": 1.4}))
-    title, y = "Contact point", "position / m"
-    draw_lines(axes, traces["time"], lines, title=title, y=y, over="", key="beside")
+        lines.append(Curve(traces[f"point_{axis}"], axis, style))
+    draw_lines(axes, traces["time"], lines, title=title, y="position / m", over="")
+    legend(axes, ncols=6)
 
 
 def _normal(
-    axes: Axes, scenario: ResolvedSurfaceScenario, traces: Table, published: dict[str, Published]
+    axes: Axes,
+    scenario: ResolvedSurfaceScenario,
+    traces: Table,
+    published: dict[str, Published],
+    title: str,
 ) -> None:
     every = max(1, round(scenario.observer.period / (traces["time"][1] - traces["time"][0])))
     time, band = traces["time"], traces["band"]
@@ -286,11 +307,11 @@ def _normal(
         estimate, truth = traces["angle"], traces["true_angle"]
         axes.plot(time[::every], traces["instantaneous"][::every], label="single sample", **SAMPLE)
         axes.plot(time, truth, label="true normal", **TRUTH)
-        title, unit = "Surface normal", "angle above x / °"
+        unit = "angle above x / °"
         low, high = estimate - band, estimate + band
     else:
         estimate, truth = traces["error"], np.zeros(len(time))
-        title, unit = "Angle between estimated and true normal", "angle / °"
+        unit = "error of the normal / °"
         low, high = np.zeros(len(time)), band
     axes.fill_between(time, low, high, label=f"{DEVIATIONS:g} standard deviations", **UNCERTAIN)
     axes.plot(time, estimate, label=f"estimate, {scenario.observer.kind}", **ESTIMATE)
@@ -299,8 +320,8 @@ def _normal(
     if "band.final" in published:
         _published_band(axes, published["band.final"], (time[-1] - 0.1, time[-1]), time, truth)
     axes.set_ylim(float(np.min(low)) - _MARGIN, float(np.max(high)) + _MARGIN)
-    dress(axes, title=f"{title} (first seed)", x="time / s", y=unit)
-    legend(axes, **BESIDE)
+    dress(axes, title=title, x="time / s", y=unit)
+    legend(axes, ncols=3)
 
 
 def _published_band(

@@ -26,10 +26,10 @@ from chamfer.analysis.drawing.figure_kit import (
     FilledBand,
     ReferenceLine,
     draw_lines,
+    metric_value,
 )
 from chamfer.analysis.drawing.figure_style import (
     BAND,
-    BESIDE,
     DESIRED,
     NOTE,
     POSITION,
@@ -261,18 +261,26 @@ def _figures(
     experiment: str, scenario: ResolvedUnknownWallScenario, outcome: Outcome
 ) -> Mapping[str, Figure]:
     """Draw the first run: its path along the wall, the force and the estimated normal."""
-    traces = outcome.traces
-    figure = new_figure(11.0, 11.0)
+    traces, metrics = outcome.traces, outcome.metrics
+    within, rms = (metric_value(metrics, name) for name in ("force.within_10", "error.rms"))
+    holds = f"Force within 10 % for {within:.3g} % of the time in contact"
+    holds = holds if np.isfinite(within) else "Contact force"
+    errs = f"Error of the normal: {rms:.2g} deg rms" if np.isfinite(rms) else "Error of the normal"
+    figure = new_figure(
+        height=12.0,
+        caption=f"{holds} (b). {errs} (c). The arm believes that the wall is flat and follows its "
+        "real shape (a). Curves are of the first seed, numbers of all.",
+    )
     way, force, normal, gap = figure.subplots(4, 1, height_ratios=(4, 3, 3, 2))
     _way(way, scenario, traces)
-    _force(force, scenario, traces)
-    _normal(normal, scenario, traces)
+    _force(force, scenario, traces, f"(b) {holds}")
+    _normal(normal, scenario, traces, f"(c) {errs}")
     _gap(gap, scenario, traces, outcome)
     for axes in (force, normal, gap):
         shade_losses(axes, traces)
         axes.set_xlim(0, scenario.duration)
     for axes in (way, force, normal):
-        legend(axes, **BESIDE)
+        legend(axes, ncols=2 if axes is way else 3)
     note_stability(figure, outcome)
     return {experiment: figure}
 
@@ -290,7 +298,7 @@ def _way(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> No
     s = np.linspace(low - margin, high + margin, 200)
     axes.fill_between(s, _outline(scenario, traces, s), across.min() - margin, **BAND)
     axes.plot(s, _outline(scenario, traces, s), label="wall, unknown to the arm", **TRUTH)
-    axes.axhline(0.0, label="wall as it is believed", **DESIRED)
+    axes.axhline(0.0, label="wall as believed", **DESIRED)
     axes.plot(along, across, label="tip", **POSITION)
     if len(touched):
         rows = touched[np.linspace(0, len(touched) - 1, _ARROWS).astype(int)]
@@ -306,7 +314,9 @@ def _way(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> No
         )
     axes.set_aspect("equal")
     axes.set_xlim(low - margin, high + margin)
-    dress(axes, title="(a) The way", x="along / mm", y="out of the wall / mm")
+    dress(
+        axes, title="(a) Path of the tip along the wall", x="along / mm", y="out of the wall / mm"
+    )
 
 
 def _outline(scenario: ResolvedUnknownWallScenario, traces: Table, s: Array) -> Array:
@@ -323,18 +333,18 @@ def _outline(scenario: ResolvedUnknownWallScenario, traces: Table, s: Array) -> 
     return np.array(heights)
 
 
-def _force(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> None:
+def _force(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table, title: str) -> None:
     desired, published = scenario.task.force, []
     if desired == FIG_5_8_FORCE.desired:
         published = [("Fig. 5-8", one) for one in (FIG_5_8_FORCE.low, FIG_5_8_FORCE.high)]
-    draw_force(axes, traces, desired, published, "(b) Contact force (first seed)")
+    draw_force(axes, traces, desired, published, title)
     axes.set_ylim(-0.1 * desired, 2.2 * desired)
     peak = float(traces["peak_force"].max())
     if peak > 2.2 * desired:
         axes.annotate(f"peak {peak:.3g} N", (0.01, 0.92), xycoords="axes fraction", **NOTE)
 
 
-def _normal(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> None:
+def _normal(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table, title: str) -> None:
     uncertain = FilledBand(
         np.zeros(len(traces["time"])),
         traces["band"],
@@ -345,7 +355,7 @@ def _normal(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) ->
         axes,
         traces["time"],
         [Curve(traces["error"], f"error, {scenario.observer.kind}", ESTIMATE)],
-        title="(c) Angle between estimated and true normal",
+        title=title,
         y="angle / °",
         over="",
         bands=[uncertain],
@@ -366,4 +376,4 @@ def _gap(
         axes.annotate(
             f"impact {impact:.3g} m/s", (0.99, 0.9), xycoords="axes fraction", ha="right", **NOTE
         )
-    dress(axes, title="(d) Distance of the tip from the wall", x="time / s", y="distance / mm")
+    dress(axes, title="(d) Distance from the wall", x="time / s", y="distance / mm")

@@ -91,31 +91,6 @@ QUICK: Final = {
 }
 
 
-# Their figures are too wide for a page, too small in print or without a caption: to be mended.
-UNFIT: Final = {
-    "adept-unknown-wall",
-    "calibration-accuracy",
-    "camera-accuracy",
-    "charging-campaign",
-    "crucible-charging",
-    "detection-conditions",
-    "hand-camera",
-    "measured-slide",
-    "measured-toss",
-    "observer-comparison",
-    "observer-model-error",
-    "planar-unknown-wall",
-    "puma-unknown-wall",
-    "surface-estimation",
-    "surface-estimation-large-noise",
-    "surface-estimation-noise-free",
-    "surface-estimation-smooth",
-    "unknown-surface-control",
-    "unknown-surface-control-adaptive",
-    "unknown-surface-control-noise-free",
-}
-
-
 @dataclass(frozen=True, kw_only=True)
 class Ran:
     """An experiment's reduced run."""
@@ -304,9 +279,7 @@ def test_titles_lie_side_by_side_in_the_figure(ran: Ran) -> None:
             assert not any(box.overlaps(other) for other in boxes[:i]), name
 
 
-def test_figures_fit_a_page_and_have_captions(ran: Ran, request: pytest.FixtureRequest) -> None:
-    if ran.job.entry.name in UNFIT:
-        request.applymarker(pytest.mark.xfail(strict=True))
+def test_figures_fit_a_page_and_have_captions(ran: Ran) -> None:
     for name, figure in ran.figures.items():
         width = 96 * figure.get_figwidth()
         assert width <= 96 * 8, name

@@ -60,8 +60,8 @@ def test_one_figure_for_each_mode_that_the_run_came_to(
     figures = plot_charging(scenario, outcome, names)
     assert list(figures) == ["acquire", "scan", "slew", "wall", "crown", "places"]
     titles = {name: [axes.get_title("left") for axes in f.axes] for name, f in figures.items()}
-    assert titles["slew"][1] == "(b) It clears the crucible by 12.3 mm; not to touch it is wanted"
-    assert titles["acquire"][1].startswith("(b) Gripped with at most 0.0123 N")
+    assert titles["slew"][1] == "(b) Clearance to the crucible: 12.3 mm"
+    assert titles["acquire"][1].startswith("(b) Gripped with up to 0.0123 N")
     # The limit and the contact that was lost are drawn.
     force = figures["wall"].axes[1]
     assert 2.0 in [np.asarray(line.get_ydata())[0] for line in force.lines]
