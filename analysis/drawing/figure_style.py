@@ -43,13 +43,13 @@ OBSERVER_LOOKS: Final[dict[str, tuple[str, str, str]]] = {
     "thesis": ("thesis", "#555555", "s"),
     "gated": ("gated", "#9a9a9a", "v"),
     "prior_weights": ("weights from the prior", "#b58900", "<"),
-    "vision": ("weights from the prior, camera", "#7a0060", "P"),
+    "vision": ("weights from the prior, with camera", "#7a0060", "P"),
     "curvature": ("curvature state", "#6fa0e8", ">"),
     "friction": ("friction-angle state", "#b00020", "X"),
     "mixture": ("earlier adaptive, mixture only", "#8f5bb5", "p"),
     "trusting": ("adaptive, without model_error", "#1b4f9c", "D"),
     "adaptive": ("adaptive", "#e07b00", "o"),
-    "adaptive_vision": ("adaptive, camera", "#7a4100", "d"),
+    "adaptive_vision": ("adaptive, with camera", "#7a4100", "d"),
 }
 REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}  # free of wedging, or stable
 PUBLISHED: Final[Style] = {"color": "#b00020", "linestyle": (0, (1, 1.5)), "linewidth": 1.3}
@@ -84,7 +84,7 @@ def dress(axes: Axes, *, title: str, x: str, y: str) -> None:
     axes.set_title(wrapped(axes, title), fontsize=9, loc="left", fontweight="bold")
     axes.set_xlabel(x, fontsize=9)
     axes.set_ylabel(y, fontsize=9)
-    axes.tick_params(labelsize=8)
+    axes.tick_params(labelsize=8, which="both")
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     for side in ("top", "right"):

@@ -232,8 +232,8 @@ def figures(scenario: ObserverComparisonScenario, outcome: Outcome) -> Mapping[s
     best = max(OBSERVERS, key=list(least.values()).count)
     figure = new_figure(
         height=8.5,
-        caption=f"The {OBSERVER_LOOKS[best][0]} observer has the least rms error in "
-        f"{list(least.values()).count(best)} of {len(CASES)} cases. Lines: 5 to 95 % of seeds.",
+        caption=f"Least rms error in {list(least.values()).count(best)} of {len(CASES)} cases: "
+        f"{OBSERVER_LOOKS[best][0]}. Lines: 5 to 95 % of the seeds.",
     )
     errors, coverage = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
     rows = np.arange(len(CASES))

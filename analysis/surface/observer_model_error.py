@@ -244,7 +244,7 @@ def run_model_error(scenario: ModelErrorScenario, seed: int, progress: Progress)
 # Where what it is told is right, wrong by chance, and at the worst corner.
 _KINDS: Final = {
     "right": ("right model", "|", "full"),
-    "drawn": ("wrong by chance", "o", "full"),
+    "drawn": ("random errors", "o", "full"),
     "corner": ("worst corner", "D", "none"),
 }
 
