@@ -23,10 +23,10 @@ _WIDE: Final = 1100  # px, beyond which a drawing is folded
 _TALL: Final = 700  # px
 _FRAME: Final = """.. raw:: html
 
-   <details class="replay"><summary>Play the run in 3-D</summary>
-   <iframe loading="lazy" title="3-D replay of {name}" src="../../../replays/{name}.html"></iframe>
-   </details>
-   <p><a href="../../../replays/{name}.html">Open the replay in a page of its own</a></p>
+   <details class="replay" ontoggle="this.lastElementChild.src ||= this.dataset.src"
+    data-src="../../../replays/{name}.html"><summary>Play the run in 3-D</summary>
+   <iframe title="3-D replay of {name}"></iframe></details>
+   <p><a href="../../../replays/{name}.html">Open the replay on its own page</a></p>
 """
 _FOLD: Final = """.. raw:: html
 
