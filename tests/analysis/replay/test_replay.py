@@ -146,4 +146,7 @@ def test_a_run_has_the_logs_of_its_own_controllers_alone(
     assert [one.name for one in (folder / "log").iterdir()] == ["own.csv"]
     reduced = ["--set", "plant.stiffness=[700]", "--out", str(tmp_path)]
     assert main(["run", "plant-identification", "--log", *reduced]) == 0
-    assert "plant-identification: no log, it has no controllers" in capsys.readouterr().err
+    assert (
+        "plant-identification: no log, the experiment has no controllers"
+        in capsys.readouterr().err
+    )
