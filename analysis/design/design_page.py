@@ -176,6 +176,8 @@ def _settings(document: Document) -> str:
 
 def _links(document: Document) -> str:
     rows = []
+    # To the left as far as the worst link, so that its bar is the longest.
+    worst = max(1.0, *(-(link["share"] or 0.0) for link in document["links"]))
     for link in document["links"]:
         limits = link["name"] == document["limiting_link"]
         outside = link["margin"] is not None and link["margin"] < 0
@@ -185,7 +187,7 @@ def _links(document: Document) -> str:
             f'<tr class="{" ".join(kinds)}"><td>{escape(link["name"])}</td>'
             f'<td class="number">{bound}</td><td>{"≥" if side == "at least" else "≤"}</td>'
             f'<td class="number">{allowed}</td><td class="number">{margin}</td>'
-            f"<td>{escape(unit)}</td><td>{_bar(link, share)}</td>"
+            f"<td>{escape(unit)}</td><td>{_bar(link, share, worst)}</td>"
             f"<td>{escape(source)}</td></tr>"
         )
     head = (
@@ -201,7 +203,7 @@ def _links(document: Document) -> str:
     )
 
 
-def _bar(link: Document, said: str) -> str:
+def _bar(link: Document, said: str, worst: float) -> str:
     """Return a bar of the margin's share: to the right inside, to the left outside.
 
     A link that is kept by design has none, so that the shortest bar is that of the limiting link.
@@ -211,7 +213,7 @@ def _bar(link: Document, said: str) -> str:
         return ""
     if kept_by_design(link):
         return f'<span class="fine">{said}</span>'
-    width = 50 * min(abs(share), 1.0)
+    width = 50 * (min(share, 1.0) if share >= 0 else -share / worst)
     left = 50.0 if share >= 0 else 50.0 - width
     return (
         f'<span class="bar"><i style="left:{left:.1f}%;width:{width:.1f}%"></i></span>'
