@@ -290,8 +290,9 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
             left = 1e3 * runs[f"late.{kind}"][none]
             axes.axvline(left, label="the loop without camera errors", **DESIRED)
         axes.axvline(1e3 * published, label="published mean", **PUBLISHED)
-        place = f"{1e3 * scenario.behind:g} mm {where}" if kind == "behind_error" else where
-        dress(axes, title=f"Error {place}", x=f"error / {unit}", y="")
+        place = f"{1e3 * scenario.behind:g} mm\n{where}" if kind == "behind_error" else where
+        dress(axes, title="", x=f"error / {unit}", y="")
+        axes.set_title(place.capitalize(), fontsize=9, loc="left", fontweight="bold")
         axes.set_xscale("log")
         axes.set_xlim(3e-3, None)
     labels = [f"{one.says}: {_sized(one, scenario.largest)}" for one in errors]

@@ -239,7 +239,7 @@ def plot_course(
         Curve(_MM * (sensed - traces["depth"]), "encoders", _MEASURED),
         Curve(_MM * (traces["feed"] - scenario.gap - traces["depth"]), "command", _COMMAND),
     ]
-    draw_lines(off, time, lines, title="(d) Minus the true depth", y="depth / mm", over="")
+    draw_lines(off, time, lines, title="(d) Depth minus the true one", y="depth / mm", over="")
     axial, lateral = (
         Curve(values, "contact, median of 10 ms", FORCE)
         for values in force_medians(traces, scenario.step)

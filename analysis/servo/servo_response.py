@@ -565,7 +565,8 @@ def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) ->
         columns=2,
     )
     axes.set_xlim(0, 8e3 * rise)
-    axes.text(8e3 * rise, 0.95 * final, f"final {final:.3f} m ", ha="right", fontsize=8)
+    look = {"ha": "right", "va": "top", "fontsize": 8}
+    axes.text(8e3 * rise, 0.94 * final, f"final {final:.3f} m ", **look)
 
 
 def sinusoid_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
