@@ -88,6 +88,7 @@ footer { margin-top: .8em; overflow-wrap: anywhere; }
   body { font-size: 7.3pt; line-height: 1.3; max-width: none; padding: 0; }
   figure img { max-height: 46mm; }
   .bar { width: 4em; }
+  th.number { white-space: normal; }
   .links td:last-child { font-size: .82em; width: 52%; }
   .links td:nth-child(6) { white-space: nowrap; }
   .rest { grid-template-rows: auto 1fr; }

@@ -10,14 +10,14 @@ ANY_STATE: Final = "any"  # id of the node that stands for every state
 _OUTCOMES: Final[dict[str, Kind]] = {"done": "final", "failed": "failed"}
 
 
-def chart_graph(chart: Chart[Any, Any], *, every: bool = False) -> Graph:
+def chart_graph(chart: Chart[Any, Any]) -> Graph:
     """Return a chart's states and transitions as a graph; a state's note stands behind its name.
 
     A transition from any state is drawn once, from a node of its own. Where a state has several
     ways out, the transitions carry their priority, 1 first; in a chart with transitions from any
     state, which compete with all others, that is their place in the chart. A timeout counts only
     if no guard is true and carries no number. The ways back to the state before are drawn as one,
-    to a node that stands for it, unless ``every`` transition is to have its edge.
+    to a node that stands for it.
     """
     nodes = [Node(id=START, label="", kind="initial")]
     for state in chart.states:
@@ -35,7 +35,7 @@ def chart_graph(chart: Chart[Any, Any], *, every: bool = False) -> Graph:
         alone = sources.count(transition.source) == 1 and (ANY not in sources or len(sources) == 1)
         label = transition.label if alone else f"({priority}) {transition.label}"
         source = ANY_STATE if transition.source == ANY else state_id(transition.source)
-        if transition.history and not every:
+        if transition.history:
             before = f"before {source}"
             if before not in {node.id for node in nodes}:
                 nodes.append(Node(id=before, label="state before", kind="any"))
