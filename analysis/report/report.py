@@ -175,11 +175,11 @@ def _minus(text: str) -> str:
 
 def _caption(file: str) -> str:
     stem = Path(file).stem
-    if stem == "diagram":
-        return "Block diagram"
-    chart = stem.removeprefix("chart-")
+    whole = stem.removesuffix("-overview")
+    chart = whole.removeprefix("chart-")
     words = chart.replace("_", " ").replace("-", " ")
-    return words.capitalize() if chart == stem else f"State chart: {words}"
+    kind = words.capitalize() if chart == whole else f"State chart: {words}"
+    return ("Block diagram" if whole == "diagram" else kind) + ", overview" * (whole != stem)
 
 
 def _encoded(folder: Path, name: str) -> tuple[str, str]:
