@@ -10,7 +10,6 @@ import io
 import json
 import shutil
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -83,32 +82,21 @@ def _encoded(image: Image.Image, **options: Any) -> bytes:
     return buffer.getvalue()
 
 
-def results(out: Path) -> Iterator[Path]:
-    """Yield the folders of results to keep, and say why others are not."""
-    for entry in CATALOGUE.entries:
-        folder = out / entry.name
-        if not (folder / RESULT).exists():
-            print(f"{entry.name}: no result in {out}, its copy stays")
-            continue
-        document = read_result(folder / RESULT)
-        if document["overrides"] or document["seed"] or document["failed_trials"]:
-            print(f"{entry.name}: not the default scenario with seed 0, its copy stays")
-        else:
-            yield folder
-
-
 def main(out: Path) -> None:
-    """Keep all results of a folder, forget experiments that are no more, and say the size."""
-    for folder in results(out):
-        keep(folder)
-    names = {entry.name for entry in CATALOGUE.entries}
-    for path in [path for path in GALLERY.glob("*") if path.name not in names]:
-        shutil.rmtree(path)
-    files = [path for path in GALLERY.rglob("*") if path.is_file()]
-    size = sum(path.stat().st_size for path in files) / 1e6
-    print(
-        f"{GALLERY}: {len(list(GALLERY.glob('*')))} experiments, {len(files)} files, {size:.1f} MB"
-    )
+    """Keep the results of a folder, forget experiments that are gone, and say the size."""
+    names = [entry.name for entry in CATALOGUE.entries]
+    for name in names:
+        document = read_result(path) if (path := out / name / RESULT).exists() else None
+        if document is None:
+            print(f"{name}: no result in {out}, its copy stays")
+        elif document["overrides"] or document["seed"] or document["failed_trials"]:
+            print(f"{name}: not the default scenario with seed 0, its copy stays")
+        else:
+            keep(out / name)
+    for folder in [one for one in GALLERY.glob("*") if one.name not in names]:
+        shutil.rmtree(folder)
+    sizes = [path.stat().st_size for path in GALLERY.rglob("*") if path.is_file()]
+    print(f"{GALLERY}: {len(sizes)} files, {sum(sizes) / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":

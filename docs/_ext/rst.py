@@ -21,10 +21,9 @@ def table(
     return "\n".join([*lines, ""])
 
 
-def figure(path: str, caption: str, alt: str, *, name: str = "") -> str:
-    """Return a figure with its caption; ``name`` is its class."""
-    options = [f"   :alt: {' '.join(alt.split())}", *([f"   :figclass: {name}"] if name else [])]
-    return "\n".join([f".. figure:: {path}", *options, "", f"   {plain(caption)}", ""])
+def figure(path: str, caption: str, alt: str) -> str:
+    """Return a figure with its caption and what a screen reader says."""
+    return f".. figure:: {path}\n   :alt: {' '.join(alt.split())}\n\n   {plain(caption)}\n"
 
 
 def container(names: str, *parts: str) -> str:

@@ -11,9 +11,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from docs._ext.pictures import COMMANDS, DOCS, STILLS
 from PIL import Image, ImageDraw
@@ -30,8 +29,7 @@ _FRAME: Final = "#d9480f"  # around the peg in the cell, and around its close-up
 _MARK: Final = (430, 311, 522, 359)  # px, the peg and its hole in the view of the cell
 
 
-@dataclass(frozen=True, kw_only=True)
-class View:
+class View(NamedTuple):
     """A camera of the replay, and the part of the picture that it fills."""
 
     eye: tuple[float, float, float]  # m, in the world frame
