@@ -20,6 +20,7 @@ from chamfer.analysis.report.results import (
     RESULT,
     SCENARIO,
     command_text,
+    figure_captions,
     figure_files,
     json_text,
     versions,
@@ -144,7 +145,9 @@ def write_design(folder: Path, answer: Answer, document: dict[str, Any]) -> None
     files: dict[str, str | bytes] = {SCENARIO: scenario_text(answer.scenario)}
     figure = None
     if answer.map is not None:
-        figures = figure_files({_MAP: plot_map(answer.map)})
+        plots = {_MAP: plot_map(answer.map)}
+        figures = figure_files(plots)
+        document["captions"] = figure_captions(plots)
         files |= {**figures, f"{_MAP}.parquet": table_bytes(answer.map.table())}
         figure = figures[f"{_MAP}.svg"]
     files[PAGE] = design_page(document, described(answer.scenario), figure)

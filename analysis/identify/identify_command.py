@@ -89,7 +89,8 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
         likely = min(UNITS["N"], key=lambda name: abs(math.log(UNITS["N"][name] / unit)))
         if likely != "N":
             say(f"forces look as if they were in {likely}: --columns force=COLUMNS:{likely}")
-    files: dict[str, str | bytes] = {**results.figure_files(found.figures())}
+    plots = found.figures()
+    files: dict[str, str | bytes] = {**results.figure_files(plots)}
     document = {
         "log": path.name,
         "log_sha256": sha256(path.read_bytes()).hexdigest(),
@@ -100,6 +101,7 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
         "identify": {name: one._asdict() for name, one in found.quantities.items()},
         "versions": results.versions(),
         "figures": list(files),
+        "captions": results.figure_captions(plots),
         "scenario": IDENTIFIED,
     }
     files[IDENTIFIED] = fragment_text(found.quantities, arguments.cell, of=path.name)

@@ -41,7 +41,13 @@ def _replay(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.replay.replay import replay_logs
     from chamfer.analysis.replay.replay_figure import replay_figure
     from chamfer.analysis.report.atomic_write import written
-    from chamfer.analysis.report.results import RESULT, figure_files, json_text, write_folder
+    from chamfer.analysis.report.results import (
+        RESULT,
+        figure_captions,
+        figure_files,
+        json_text,
+        write_folder,
+    )
     from chamfer.analysis.report.traces import table_bytes
 
     (entry,) = select(catalogue.entries, [arguments.name])
@@ -52,8 +58,9 @@ def _replay(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         file=arguments.scenario,
         settings=arguments.settings,
     )
-    drawn = figure_files({name: replay_figure(one) for name, one in found.items()})
-    document["figures"] = list(drawn)
+    plots = {name: replay_figure(one) for name, one in found.items()}
+    drawn = figure_files(plots)
+    document |= {"figures": list(drawn), "captions": figure_captions(plots)}
     tables = {name: one.side_by_side() for name, one in found.items()}
     files = {f"{name}.parquet": table_bytes(one, infinite=True) for name, one in tables.items()}
     require_writable(arguments.out, [entry.name])
