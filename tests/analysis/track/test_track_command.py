@@ -103,7 +103,7 @@ def test_a_part_that_jumps_is_refused_where_times_are_known(
     assert [row["peg_status"] for row in rows] == ["VALID", "VALID", status, "VALID"]
     assert {row["hole_status"] for row in rows} == {"VALID"}
     jumped = rows[2]["peg_reason"]
-    assert jumped == ("" if status == "VALID" else "lost: too far from where it was a moment ago")
+    assert jumped == ("" if status == "VALID" else "lost: too far from its last place")
 
 
 def test_one_frame_and_a_video_that_was_cut_off(
