@@ -126,11 +126,14 @@ def test_what_is_not_found_is_empty_and_says_why(rows: Rows, folder: Path, tmp_p
         if name.endswith("_status"):
             assert text == "NO_COLOUR"
         elif name.endswith("_reason"):
-            assert text == "lost: not enough of its colour"
+            assert text == "lost: too few pixels of its colour"
         else:
             assert (text == "") == (name not in ("frame", "file", "time"))
     assert (alone["peg_status"], alone["hole_status"]) == ("VALID", "NO_COLOUR")
-    assert (alone["peg_reason"], alone["hole_reason"]) == ("", "lost: not enough of its colour")
+    assert (alone["peg_reason"], alone["hole_reason"]) == (
+        "",
+        "lost: too few pixels of its colour",
+    )
     assert "" not in (alone["peg_tip_u"], alone["peg_angle"])
     assert alone["hole_tip_u"] == alone["error_along"] == alone["error_angle"] == ""
     assert found.counts() == {
@@ -222,7 +225,7 @@ def test_frames_can_be_limited_and_progress_says_how_far_it_is(
     told.clear()
     run(tmp_path, open_recording([folder]), limit=99, progress=lambda *one: told.append(one))
     assert told[-1][0] == 1.0
-    assert told[-1][1].endswith("peg valid, hole part lost: not enough of its colour")
+    assert told[-1][1].endswith("peg valid, hole part lost: too few pixels of its colour")
 
 
 def test_two_recordings_end_with_the_shorter_one(folder: Path) -> None:
