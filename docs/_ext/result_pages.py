@@ -96,7 +96,7 @@ def gallery(entries: Iterable[Entry]) -> Iterator[str]:
         text, page = _PAPERS.get(paper, (title, ""))
         yield heading(text, "-")
         if page:
-            yield f"{plain(title)}. :doc:`Claims and verdicts </reference/{page}>`.\n"
+            yield f"\\{plain(title)}. :doc:`Claims and verdicts </reference/{page}>`.\n"
         listed = list(of_paper)
         for study, text in ((False, "Figures and tables of the paper"), (True, "Studies")):
             if cards := [_card(entry) for entry in listed if entry.study == study]:
