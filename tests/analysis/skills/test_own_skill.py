@@ -184,7 +184,9 @@ def test_a_part_of_ones_own(block: str, touch: str) -> None:
     assert resolve_own_skill(again) == resolved
     plug = Path(block).with_suffix(".obj")
     plug.write_text(plug.read_text().replace("-4", "-5"))
-    with pytest.raises(UserError, match=r"^connector\.digest is '.*', allowed: null, or that of "):
+    with pytest.raises(
+        UserError, match=r"^connector\.digest is '.*', allowed: null, or the digest of "
+    ):
         resolve_own_skill(again)
 
 
