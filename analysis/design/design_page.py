@@ -47,6 +47,7 @@ th, td { text-align: left; vertical-align: top; padding: .18em .5em .18em 0;
   border-bottom: 1px solid var(--line); }
 th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; }
 .number { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
+th.number { white-space: normal; }
 .links td:nth-child(7) { white-space: nowrap; }
 .links td:nth-child(6) { min-width: 4em; }
 .links td:last-child { color: var(--soft); font-size: .88em; width: 44%; }
@@ -79,7 +80,6 @@ footer { margin-top: .8em; overflow-wrap: anywhere; }
 @media screen and (max-width: 44rem) {
   .beside, .verdict { display: block; }
   table { font-size: .85em; }
-  th.number { white-space: normal; }
   td code { overflow-wrap: anywhere; }
   .bar, .links td:nth-child(5), .links th:nth-child(5), .links td:last-child,
   .links th:last-child { display: none; }
@@ -88,7 +88,6 @@ footer { margin-top: .8em; overflow-wrap: anywhere; }
   body { font-size: 7.3pt; line-height: 1.3; max-width: none; padding: 0; }
   figure img { max-height: 46mm; }
   .bar { width: 4em; }
-  th.number { white-space: normal; }
   .links td:last-child { font-size: .82em; width: 52%; }
   .links td:nth-child(6) { white-space: nowrap; }
   .rest { grid-template-rows: auto 1fr; }
@@ -232,7 +231,7 @@ def _changes(document: Document) -> str:
         rows += f"<tr><td title='{meaning}'><code>{escape(path)}</code></td>{cells}</tr>"
     head = (
         '<th>field</th><th class="number">value</th>'
-        '<th class="number">margin change for +10 %</th><th class="number">best single value</th>'
+        '<th class="number">margin change for +10&#160;%</th><th class="number">best single value</th>'
     )
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>" if rows else ""
     both = "".join(f"<p>Pair: {escape(pair)}.</p>" for pair in pair_sentences(document))
