@@ -231,7 +231,8 @@ def _changes(document: Document) -> str:
         rows += f"<tr><td title='{meaning}'><code>{escape(path)}</code></td>{cells}</tr>"
     head = (
         '<th>field</th><th class="number">value</th>'
-        '<th class="number">margin change for +10&#160;%</th><th class="number">best single value</th>'
+        '<th class="number">margin change for +10&#160;%</th>'
+        '<th class="number">best single value</th>'
     )
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>" if rows else ""
     both = "".join(f"<p>Pair: {escape(pair)}.</p>" for pair in pair_sentences(document))
