@@ -310,9 +310,8 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
         caption=f"{says}: the published errors and an assumed one in the wedging diagram (a, b), "
         "with the margin that each leaves, and the force of an insertion from each (c).",
     )
-    shape = [["whole", "whole"], ["near", "force"]]
-    mosaic = figure.subplot_mosaic(shape, height_ratios=(1.3, 1))
-    whole, near, force = (mosaic[name] for name in ("whole", "near", "force"))
+    mosaic = figure.subplot_mosaic("ww;nf", height_ratios=(1.3, 1))
+    whole, near, force = (mosaic[name] for name in "wnf")
     table = outcome.tables["boundaries"]
     for axes in (whole, near):
         _region(axes, parts, table)

@@ -12,7 +12,15 @@ from matplotlib.patches import Circle
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from chamfer.analysis.drawing.figure_style import DESIRED, LIMIT, NOTE, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import (
+    DESIRED,
+    LIMIT,
+    NOTE,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.diagrams.contact.contact_scenarios import LATE_GAINS, PlanarLoop
@@ -373,15 +381,14 @@ def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
         caption=f"{unstable} of {len(found)} loops are unstable with the torque one sample late. "
         "Growth over the delay (a) and the gain of the force integral (b); poles in contact (c).",
     )
-    shape = [["delay", "delay"], ["integral", "plane"]]
-    panels = figure.subplot_mosaic(shape, height_ratios=(1, 1.3))
-    delay, integral, plane = (panels[name] for name in ("delay", "integral", "plane"))
+    panels = figure.subplot_mosaic("dd;ip", height_ratios=(1, 1.3))
+    delay, integral, plane = (panels[name] for name in "dip")
     for i, (name, loop) in enumerate(sets.items()):
         control = loop.controller
         gains = f"Kp {control.stiffness:g}, Ki {control.integral:g}, Kd {control.damping:g}"
         for j, mode in enumerate(MODES.values()):
             of = (table["gains"] == i) & (table["mode"] == j)
-            style = {"color": _SETS[i], "linestyle": ("-", "--", ":")[j], "linewidth": 1.6}
+            style: Style = {"color": _SETS[i], "linestyle": ("-", "--", ":")[j], "linewidth": 1.6}
             delay.plot(
                 1e3 * table["delay"][of], table["growth"][of], label=f"{name}, {mode}", **style
             )
@@ -414,7 +421,7 @@ def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
         (1, "model", "x", 6),
     ):
         of = drawn["model"] == model
-        look = {"ms": size, "mfc": "none", "color": _SETS[model], "label": label}
+        look: Style = {"ms": size, "mfc": "none", "color": _SETS[model], "label": label}
         plane.plot(drawn["real"][of], drawn["imaginary"][of], marker, **look)
     plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, **DESIRED))
     plane.set_aspect("equal")
