@@ -65,6 +65,7 @@ from chamfer.analysis.drawing.figure_style import (
     Style,
     dress,
     legend,
+    legend_below,
     new_figure,
     wrapped,
 )
@@ -391,8 +392,7 @@ def repeatability_figures(
         axes.set_ylim(1e3 * published / 200, None)
     ends = figure.add_subplot(grid[1, :])
     _ends(ends, scenario, outcome)
-    named, _ = ends.get_legend_handles_labels()
-    figure.legend(handles=named, loc="outside lower center", ncols=3, fontsize=8, edgecolor="none")
+    legend_below(figure, ends)
     return {"repeatability": figure}
 
 

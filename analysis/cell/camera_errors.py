@@ -35,6 +35,7 @@ from chamfer.analysis.drawing.figure_style import (
     PUBLISHED,
     Style,
     dress,
+    legend_below,
     new_figure,
 )
 from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR, WORST_ERROR
@@ -298,9 +299,7 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     labels = [f"{one.says}: {_sized(one, scenario.largest)}" for one in errors]
     panels[0].set_yticks(range(len(errors)), labels)
     panels[0].set_ylim(-0.7, len(errors) - 0.3)
-    handles, names = panels[0].get_legend_handles_labels()
-    look = {"loc": "outside lower center", "fontsize": 8, "frameon": False}
-    figure.legend(handles, names, ncols=3, **look)
+    legend_below(figure, panels[0])
     return figure
 
 
@@ -368,8 +367,7 @@ def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
         dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
         axes.set_xlim(0.0, None)
         axes.set_ylim(0.0, None)
-    look: Style = {"loc": "outside lower center", "ncols": 3, "fontsize": 8, "frameon": False}
-    figure.legend(*panels[0].get_legend_handles_labels(), **look)
+    legend_below(figure, panels[0])
     return figure
 
 

@@ -20,7 +20,7 @@ from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.charging.charging_runs import LIMITS, limits_in, run_charging
 from chamfer.analysis.charging.crucible_charging import measure, worst
 from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value, name_rows
-from chamfer.analysis.drawing.figure_style import LIMIT, dress, new_figure
+from chamfer.analysis.drawing.figure_style import LIMIT, dress, legend_below, new_figure
 from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
 from chamfer.analysis.report.checks import Published
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
@@ -347,8 +347,7 @@ def figures(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str
     _shares(columns[0], scenario.remedies, names, scenario.trials, outcome)
     if slides:
         _slides(columns[1], scenario.remedies, outcome)
-    handles, labels = columns[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    legend_below(figure, columns[0])
     return {"charging-campaign": figure}
 
 

@@ -15,7 +15,14 @@ from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.contact.contact_metrics import mean_over_seeds, stability_metrics
 from chamfer.analysis.contact.contact_runs import measure, run_contact
 from chamfer.analysis.drawing.figure_kit import draw_means, metric_value, name_rows
-from chamfer.analysis.drawing.figure_style import FORCE, POSITION, Style, dress, new_figure
+from chamfer.analysis.drawing.figure_style import (
+    FORCE,
+    POSITION,
+    Style,
+    dress,
+    legend_below,
+    new_figure,
+)
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.contact_scenarios import (
     ADEPT_NUGGET_MOTION,
@@ -218,6 +225,5 @@ def figures(_: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
         dress(force, title=f"{test}: force deviation", x="largest deviation / N", y="")
         dress(position, title=f"{test}: position error", x="largest error / mm", y="")
         name_rows(force, [_LABELS[name] for name in REMEDIES])
-    look = {"loc": "outside lower center", "ncols": 2, "fontsize": 8, "edgecolor": "none"}
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), **look)
+    legend_below(figure, panels[0, 0])
     return {"friction-remedies": figure}

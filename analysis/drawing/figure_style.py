@@ -1,10 +1,11 @@
 """One look for every figure: the same colours and line styles for the same things."""
 
+import re
 import textwrap
 from typing import Any, Final
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 Style = dict[str, Any]
 
@@ -98,7 +99,9 @@ def wrapped(axes: Axes, title: str) -> str:
         return title
     share = len(place.colspan) / place.get_gridspec().ncols
     columns = max(int(_COLUMNS * share * part.bbox.width / part.dpi), 12)
-    return "\n".join(textwrap.wrap(title, columns, break_long_words=False))
+    together = re.sub(r"(?<=\d) (?=%|[a-zA-Z/]{1,4}\b)", "\N{NO-BREAK SPACE}", title)  # units
+    lines = textwrap.wrap(together, columns, break_long_words=False)
+    return "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def legend(axes: Axes, **options: Any) -> None:
@@ -109,3 +112,13 @@ def legend(axes: Axes, **options: Any) -> None:
         place = BELOW | {"borderaxespad": 3.2 + 1.4 * label.count("\n") if label else 1.4}
         place["borderaxespad"] += 1.4 if axes.xaxis.get_tick_params()["labelbottom"] else 0.0
     axes.legend(**{"fontsize": 8, "framealpha": 0.9, "edgecolor": "none", **place, **options})
+
+
+def legend_below(figure: Figure | SubFigure, *shown: Axes, columns: int = 3) -> None:
+    """Draw one legend below a figure, of what axes show."""
+    found: dict[str, Any] = {}
+    for axes in shown:
+        handles, labels = axes.get_legend_handles_labels()
+        found |= dict(zip(labels, handles, strict=True))
+    look: Style = {"loc": "outside lower center", "fontsize": 8, "edgecolor": "none"}
+    figure.legend([*found.values()], [*found], ncols=columns, **look)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import metrics_of, prefixed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
+from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend_below, new_figure
 from chamfer.analysis.insertion.insertion_runs import (
     insert,
     insert_by_cenic,
@@ -277,7 +277,6 @@ def figures(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Fig
         for axes, first in zip(panels[:, k], panels[:, 0], strict=True):
             if k:
                 axes.sharey(first)
-    look: Style = {"loc": "outside lower center", "ncols": 3, "fontsize": 8, "edgecolor": "none"}
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), **look)
+    legend_below(figure, panels[0, 0])
     impacts = draw_impacts(outcome.tables["impact"])
     return {"contact-convergence": figure, "impact": impacts}

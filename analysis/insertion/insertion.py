@@ -52,7 +52,11 @@ from chamfer.analysis.insertion.cell_runs import (
     run_cell_insertion,
     touch_row,
 )
-from chamfer.analysis.insertion.jamming_diagram import DEPTH_COLOURS, draw_parallelogram
+from chamfer.analysis.insertion.jamming_diagram import (
+    DEPTH_COLOURS,
+    DEPTH_SCALE,
+    draw_parallelogram,
+)
 from chamfer.analysis.insertion.peg_insertion import STATES
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.cell.alignment_scenario import require_fine_enough
@@ -292,8 +296,8 @@ def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
     margin = metric_value(outcome.metrics, "touch.margin")
     title = f"(a) First touch: {margin:.0f} % margin to wedging"
     title = title if np.isfinite(margin) else "(a) Path in the wedging diagram"
-    x, y = "lateral error of the tip / mm", "tilt (equal signs add) / mrad"
-    dress(axes, title=title, x=x, y=y)
+    off = "lateral error of the tip / mm"
+    dress(axes, title=title, x=off, y="tilt (equal signs add) / mrad")
     legend(axes, ncols=2)
     tallest = 1.1 * max(float(upper.max()), float(traces["rotational_error"].max()))
     axes.set_ylim(-_MRAD * tallest, _MRAD * tallest)
@@ -315,7 +319,7 @@ def _jamming(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
             marker=_MARKERS[plane],
             s=14,
             label=f"loads, {_PLANES[plane][0]}",
-            norm=DEPTH_COLOURS.norm,
+            norm=DEPTH_SCALE,
             cmap=DEPTH_COLOURS.cmap,
         )
     colour_bar(axes, DEPTH_COLOURS, r"$\lambda = l / (2 r \mu)$", ticks=_RATIOS, format="%g")

@@ -497,7 +497,8 @@ def figures(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Fi
         caption=f"Of {int(safe.sum())} cells that theory calls safe {failed} failed. "
         "Simulated outcome over the errors at touch (top), and what theory said of it.",
     )
-    above, lower, *last = figure.subfigures(len(rows), 1, height_ratios=rows)
+    parts = figure.subfigures(len(rows), 1, height_ratios=rows, squeeze=False)
+    above, lower, *last = parts[:, 0]
     maps = above.subplots(1, len(planes), squeeze=False)[0]
     for axes, plane in zip(maps, planes, strict=True):
         _draw_map(axes, plane, outcome)

@@ -174,20 +174,23 @@ def _mean(values: NDArray[Any], note: str) -> Metric:
     return Metric(value=(100 if share else 1) * float(np.mean(values)), unit=unit, note=note)
 
 
-DEPTH_COLOURS: Final = ScalarMappable(LogNorm(0.4, 5.0), "viridis")  # of depth ratios lambda
+DEPTH_SCALE: Final = LogNorm(0.4, 5.0)  # of depth ratios lambda
+DEPTH_COLOURS: Final = ScalarMappable(DEPTH_SCALE, "viridis")
 _NEAR: Final = 0.04  # of a depth ratio, loads that are drawn into its parallelogram
 _MOVES: Final[Style] = {"marker": "o", "linestyle": "none", "markersize": 3}
 _STOPPED: Final[Style] = {"marker": "x", "linestyle": "none", "markersize": 5}
 _FEW: Final = 60  # loads of a kind that are drawn
 
 
+def _colour(ratio: float) -> Any:
+    return DEPTH_COLOURS.to_rgba(np.array([ratio]))[0]
+
+
 def draw_parallelogram(axes: Axes, parts: PegHoleGeometry, ratio: float) -> None:
     """Draw the loads that slide at a depth ratio lambda."""
     corners = jamming_vertices(parts, ratio * parts.wedging_depth)
     closed = np.vstack([corners, corners[:1]])
-    axes.plot(
-        *closed.T, color=DEPTH_COLOURS.to_rgba(ratio), label=rf"slides at $\lambda$ = {ratio:g}"
-    )
+    axes.plot(*closed.T, color=_colour(ratio), label=rf"slides at $\lambda$ = {ratio:g}")
 
 
 def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]:
@@ -202,7 +205,7 @@ def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]
     )
     diagram, levels = figure.subplots(1, 2)
     for ratio in scenario.depth_ratios:
-        colour = DEPTH_COLOURS.to_rgba(ratio)
+        colour = _colour(ratio)
         draw_parallelogram(diagram, parts, ratio)
         near = np.abs(traces["depth_ratio"] / ratio - 1) < _NEAR
         for of, style in ((near & moving, _MOVES), (near & ~moving, _STOPPED)):
@@ -214,12 +217,12 @@ def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]
     title = "(a) Simulated loads: dots move, crosses are stopped"
     dress(diagram, title=title, x="$F_x / F_z$", y="$M / (r F_z)$")
     legend(diagram, ncols=2)
-    for of, style, label, colour in (
+    for of, style, label, ink in (
         (moving, _MOVES, "moves", "#1b4f9c"),
         (~moving, _STOPPED, "stopped by the cap", "#b00020"),
     ):
         of_kind = traces["depth_ratio"][of], traces["level"][of]
-        levels.plot(*of_kind, color=colour, label=label, **style)
+        levels.plot(*of_kind, color=ink, label=label, **style)
     levels.axhline(1.0, label="sides of the parallelogram", **LIMIT)
     title = "(b) Level of each load: theory lets it slide below 1"
     dress(levels, title=title, x=r"$\lambda = l / (2 r \mu)$", y="level")

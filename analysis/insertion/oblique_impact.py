@@ -14,7 +14,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.analysis.campaign.trial_metrics import metrics_of
-from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
+from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend_below, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Table, column
 from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario
 from chamfer.models.peg.bore_contact import point_contact
@@ -106,6 +106,5 @@ def draw_impacts(table: Table) -> Figure:
             axes.plot(names, y, look[0], color=look[1], label=name)
         title = "(a) Friction" if of.startswith("friction") else "(b) Rebound"
         dress(axes, title=title, x="step / s, dissipation / (s/m)", y=of)
-    look: Style = {"loc": "outside lower center", "ncols": 5, "fontsize": 8, "edgecolor": "none"}
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), **look)
+    legend_below(figure, figure.axes[0], columns=5)
     return figure

@@ -18,7 +18,7 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import bootstrap_interval, rate
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import metric_value
-from chamfer.analysis.drawing.figure_style import Style, dress, new_figure
+from chamfer.analysis.drawing.figure_style import Style, dress, legend_below, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column, part_of
 from chamfer.analysis.scenario.experiment import measured as metric_of
 from chamfer.diagrams.contact.cube_toss import TossContact, fly, make_toss_diagram, rotations
@@ -293,6 +293,5 @@ def figures(scenario: MeasuredTossScenario, outcome: Outcome) -> Mapping[str, Fi
     dress(travel, title="(d) Travel along the board", x="recorded / cm", y="simulated / cm")
     for axes in (path, over, fitted, travel):
         axes.set_ylim(bottom=0.0)
-    look: Style = {"loc": "outside lower center", "ncols": 4, "fontsize": 8, "edgecolor": "none"}
-    figure.legend(*path.get_legend_handles_labels(), **look)
+    legend_below(figure, path, columns=4)
     return {"measured-toss": figure}

@@ -32,7 +32,7 @@ from chamfer.analysis.drawing.figure_kit import (
     name_rows,
     trial_curves,
 )
-from chamfer.analysis.drawing.figure_style import LOOPS, dress, new_figure
+from chamfer.analysis.drawing.figure_style import LOOPS, dress, legend_below, new_figure
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column, measured
@@ -458,14 +458,12 @@ def figures(scenario: ResolvedServoComparisonScenario, outcome: Outcome) -> Mapp
     panels = courses.subplots(2, 3, sharex=True, sharey=True)
     for i, axes in enumerate(panels.flat):
         _draw_courses(axes, scenario, outcome, i)
-    look = {"loc": "outside lower center", "ncols": 4, "fontsize": 8, "frameon": False}
-    courses.legend(*panels[0, 0].get_legend_handles_labels(), **look)
+    legend_below(courses, panels[0, 0], columns=4)
     below = criteria.subplots(1, len(CRITERIA), sharey=True)
     for axes, criterion in zip(below, CRITERIA, strict=True):
         _draw_criterion(axes, outcome, criterion)
     name_rows(below[0], list(CONDITIONS.values()))
-    handles, labels = below[0].get_legend_handles_labels()
-    criteria.legend(handles, labels, **look)
+    legend_below(criteria, below[0])
     criteria.suptitle("Means with 95 % intervals", fontsize=9)
     return {"servo-comparison": figure}
 

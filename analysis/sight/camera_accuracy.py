@@ -15,7 +15,7 @@ from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value
-from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
+from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend_below, new_figure
 from chamfer.analysis.published.fsm_work_cell import SIGNAL_ACCURACY
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.analysis.sight.detection_trials import (
@@ -322,16 +322,7 @@ def figures(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure
         for axes in (lateral, angle):
             place: Style = {"transform": axes.get_yaxis_transform(), "va": "center"}
             axes.text(0.02, head, text, fontsize=8, **place)
-    handles, labels = lateral.get_legend_handles_labels()
-    more, others = space.get_legend_handles_labels()
-    bottom.legend(
-        [*handles, more[-1]],
-        [*labels, others[-1]],
-        loc="outside lower center",
-        ncols=3,
-        fontsize=8,
-        edgecolor="none",
-    )
+    legend_below(bottom, lateral, space)
     return {"camera-accuracy": figure}
 
 

@@ -17,6 +17,7 @@ from chamfer.analysis.drawing.figure_style import (
     PUBLISHED,
     Style,
     dress,
+    legend_below,
     new_figure,
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, part_of
@@ -264,8 +265,7 @@ def figures(scenario: ObserverComparisonScenario, outcome: Outcome) -> Mapping[s
         for name, case in CASES.items()
     ]
     name_rows(errors, names, apart=(errors, coverage))
-    look = {"loc": "outside lower center", "ncols": 3, "fontsize": 8, "edgecolor": "none"}
-    figure.legend(*coverage.get_legend_handles_labels(), **look)
+    legend_below(figure, coverage)
     return {
         "observer-comparison": figure,
         "observer-band": band_figure(scenario.suite, outcome.metrics),

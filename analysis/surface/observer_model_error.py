@@ -21,6 +21,7 @@ from chamfer.analysis.drawing.figure_style import (
     OBSERVER_LOOKS,
     PUBLISHED,
     dress,
+    legend_below,
     new_figure,
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
@@ -346,8 +347,5 @@ def figures(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figu
     dress(squares, title="(c) Normalised error squared", x="error squared / variance", y="")
     coverage.set_xlim(0, 102)
     name_rows(errors, [one.replace("_", " ") for one in scenario.surfaces], apart=panels)
-    look = {"loc": "outside lower center", "ncols": 3, "fontsize": 8, "edgecolor": "none"}
-    handles = dict(zip(*(reversed(squares.get_legend_handles_labels())), strict=True))
-    handles |= dict(zip(*(reversed(coverage.get_legend_handles_labels())), strict=True))
-    figure.legend(handles.values(), handles, **look)
+    legend_below(figure, squares, coverage)
     return {"observer-model-error": figure}
