@@ -97,7 +97,9 @@ def wrapped(axes: Axes, title: str) -> str:
     part, place = axes.get_figure(root=False), axes.get_subplotspec()
     if part is None or place is None:
         return title
-    share = len(place.colspan) / place.get_gridspec().ncols
+    grid = place.get_gridspec()
+    widths: Any = grid.get_width_ratios() or [1] * grid.ncols
+    share = sum(widths[i] for i in place.colspan) / sum(widths)
     columns = max(int(_COLUMNS * share * part.bbox.width / part.dpi), 12)
     together = re.sub(r"(?<=\d) (?=%|[a-zA-Z/]{1,4}\b)", "\N{NO-BREAK SPACE}", title)  # units
     lines = textwrap.wrap(together, columns, break_long_words=False)

@@ -21,7 +21,7 @@ from chamfer.analysis.drawing.figure_kit import (
     draw_lines,
     metric_value,
 )
-from chamfer.analysis.drawing.figure_style import DESIRED, NOTE, PID, PUBLISHED, new_figure
+from chamfer.analysis.drawing.figure_style import DESIRED, NOTE, PID, PUBLISHED, Style, new_figure
 from chamfer.analysis.drawing.figure_style import LOOPS as LOOKS
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
@@ -565,7 +565,7 @@ def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) ->
         columns=2,
     )
     axes.set_xlim(0, 8e3 * rise)
-    look = {"ha": "right", "va": "top", "fontsize": 8}
+    look: Style = {"ha": "right", "va": "top", "fontsize": 8}
     axes.text(8e3 * rise, 0.94 * final, f"final {final:.3f} m ", **look)
 
 
