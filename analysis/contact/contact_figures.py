@@ -208,7 +208,7 @@ def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
     losses = metric_value(outcome.metrics, "contact.losses")
     lost = {0.0: "no contact is lost", 1.0: "contact is lost once"}
-    said = lost.get(losses, f"contact is lost {losses:.0f} times")
+    said = lost.get(losses, f"contact is lost {losses:.2g} times")
     title = f"(c) Distance from the surface: {said}" if np.isfinite(losses) else "(c) Distance"
     dress(axes, title=title, x="time / s", y="distance / mm")
 

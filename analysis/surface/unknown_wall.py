@@ -263,7 +263,7 @@ def _figures(
     """Draw the first run: its path along the wall, the force and the estimated normal."""
     traces, metrics = outcome.traces, outcome.metrics
     within, rms = (metric_value(metrics, name) for name in ("force.within_10", "error.rms"))
-    holds = f"Force within 10 % for {within:.3g} % of the time in contact"
+    holds = f"Force stays within 10 % in {within:.3g} % of the runs"
     holds = holds if np.isfinite(within) else "Contact force"
     errs = f"Error of the normal: {rms:.2g} deg rms" if np.isfinite(rms) else "Error of the normal"
     figure = new_figure(
