@@ -571,11 +571,11 @@ def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) ->
 
 def sinusoid_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw Fig. 9: the responses, the errors, and the error over the frequency."""
-    below = metric_value(outcome.metrics, "fsm.better_below")
-    better = f"below {below:.2g} rad/s" if math.isfinite(below) else "nowhere"
+    found = outcome.metrics["fsm.better_below"]  # its note says it where there is no crossing
+    better = f"better than the PID below {found.value:.2g} rad/s" if found.value else found.note
     figure = new_figure(
         height=7.5,
-        caption=f"The FSM has a smaller rms error than the PID {better} (c). Without "
+        caption=f"By rms error the FSM is {better} (c). Without "
         "its feedforward (compensation only) it lags the sinusoid.",
     )
     panels = figure.subplot_mosaic([["response", "response"], ["error", "sweep"]])
@@ -597,7 +597,7 @@ def sinusoid_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mappi
         panels["sweep"],
         sweep["frequency"],
         [Curve(1e3 * sweep[name], label, marked | look) for name, (label, look) in loops.items()],
-        title=f"(c) FSM is better than the PID {better}",
+        title=f"(c) FSM is {better}",
         y="rms error / mm",
         over="frequency / (rad/s)",
         levels=[here],
