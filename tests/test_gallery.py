@@ -92,7 +92,7 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     check |= {"measured": 11.0, "unit": "%", "kind": "calibrated", "source": "Fig. 8", "note": ""}
     about = dict.fromkeys(gallery._KEPT, "") | {"experiment": "step-response"}
     about |= {"scenario_sha256": "1", "checks": [check | {"verdict": "not_reached", "ok": False}]}
-    about |= {"figures": ["step.svg", "step.png"], "wall_seconds": 0.123}
+    about |= {"figures": ["step.svg", "step.png"]}
     about["captions"] = {"step.svg": "FSM is slower. So it is."}
     (folder / "result.json").write_text(json.dumps(about), "utf-8")
     keep(folder)

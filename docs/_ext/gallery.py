@@ -50,7 +50,7 @@ def keep(folder: Path) -> None:
     if "replay" in document:
         files[STORED_REPLAY] = packed((folder / REPLAY).read_text(encoding="utf-8"))
     about = {name: document[name] for name in _KEPT}
-    about |= {"seconds": float(f"{document['wall_seconds']:.1g}"), "figures": figures}
+    about["figures"] = figures
     files[RESULT] = f"{json.dumps(about, indent=1)}\n".encode()
     into = GALLERY / folder.name
     shutil.rmtree(into, ignore_errors=True)

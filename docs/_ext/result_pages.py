@@ -72,7 +72,7 @@ def made(result: Mapping[str, Any]) -> str:
     drake = result["versions"]["drake"]
     return (
         f"The figures and numbers below come from this command, seed {result['seed']} and Drake "
-        f"{drake}. It ran for {number(result['seconds'])} s.\n"
+        f"{drake}.\n"
     )
 
 
