@@ -129,12 +129,16 @@ def results_table(
             name = result["experiment"]
             lines += map(_row, _rows(result, " *study*" if name in studies else ""))
             reasons += [
-                f"- `{name}` `{check['metric']}` {verdict_text(check)}: {check['note']}"
+                f"- `{name}` `{check['metric']}` {verdict_text(check)}. {_sentence(check['note'])}"
                 for check in result["checks"]
                 if not check["ok"]
             ]
         lines += ["", *reasons] if reasons else []
     return "\n".join(lines) + "\n"
+
+
+def _sentence(note: str) -> str:
+    return f"{note[:1].upper()}{note[1:]}{'.' if note[-1:].isalnum() or note[-1:] == ')' else ''}"
 
 
 def _rows(result: Mapping[str, Any], mark: str) -> Iterator[list[str]]:

@@ -22,7 +22,6 @@ STILLS: Final = {"insertion-3d.png": "insertion"}  # in docs, by the experiment 
 COMMANDS: Final = {  # by the pictures that they make
     "docs/insertion-3d.png": "python -m docs._ext.stills out",
     "docs/gallery/*/*.webp": "python -m docs._ext.gallery out",
-    "docs/design-accuracy.png": "chamfer run design-accuracy",
 }
 ENDINGS: Final = (".png", ".webp", ".jpg", ".svg", ".gif")
 

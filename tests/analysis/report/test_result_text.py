@@ -125,7 +125,7 @@ def test_every_check_is_a_row_and_what_is_not_as_published_is_explained() -> Non
 | | `end` | 1 ± 0.5 m | undefined | **not reached**, predicted |
 | `rise` | | | 2 metrics | |
 
-- `fall` `end` not reached: it ends before
+- `fall` `end` not reached. It ends before.
 
 ## On turning
 
