@@ -44,7 +44,12 @@ def test_a_wrong_copy_is_found(kept: Path) -> None:
 def test_a_result_becomes_a_figure_and_a_table(kept: Path) -> None:
     result: dict[str, Any] = json.loads((kept / "result.json").read_text("utf-8"))
     assert result["figures"] == [
-        {"file": "step.webp", "caption": "FSM is slower. So it is.", "size": [1472, 736]}
+        {
+            "file": "step.webp",
+            "caption": "FSM is slower. So it is.",
+            "size": [1472, 736],
+            "drawn": True,
+        }
     ]
     (drawn,) = result_pages.figures("step-response", result)
     assert "   :alt: step: FSM is slower.\n" in drawn
@@ -84,6 +89,7 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(pictures, "hashes", lambda: {"step-response": "1", "insertion": "2"})
     monkeypatch.setattr(pictures, "STILLS", {})
     Image.new("RGB", (2000, 1000), "white").save(folder / "step.png")
+    (folder / "step.svg").write_text("<svg/>", "utf-8")
     check = {"metric": "pid.overshoot", "relation": "near", "published": 10.5, "tolerance": 0.05}
     check |= {"measured": 11.0, "unit": "%", "kind": "calibrated", "source": "Fig. 8", "note": ""}
     about = dict.fromkeys(gallery._KEPT, "") | {"experiment": "step-response"}

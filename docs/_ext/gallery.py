@@ -46,7 +46,9 @@ def keep(folder: Path) -> None:
             file = f"{Path(name).stem}.webp"
             files[file] = webp(image)
             caption = document.get("captions", {}).get(name.replace(".png", ".svg"), "")
-            figures.append({"file": file, "caption": caption, "size": image.size})
+            drawn = b"<image" not in (folder / name).with_suffix(".svg").read_bytes()
+            one = {"file": file, "caption": caption, "size": image.size, "drawn": drawn}
+            figures.append(one)
     if "replay" in document:
         files[STORED_REPLAY] = packed((folder / REPLAY).read_text(encoding="utf-8"))
     about = {name: document[name] for name in _KEPT}

@@ -45,7 +45,7 @@ def figures(name: str, result: Mapping[str, Any], *, most: int | None = None) ->
         title = one["file"].removesuffix(".webp").replace("-", " ")
         caption = one["caption"] or f"{title[0].upper()}{title[1:]}."
         alt = f"{title}: {sentence(caption)}" if one["caption"] else f"Figure of {name}: {title}"
-        yield figure(f"/gallery/{name}/{one['file']}", caption, alt)
+        yield figure(f"/gallery/{name}/{one['file']}", caption, alt, drawn=one["drawn"])
 
 
 def checks(found: Sequence[Mapping[str, Any]], *, notes: bool) -> str:
@@ -115,6 +115,7 @@ def _card(entry: Entry) -> str:
             f".. image:: /gallery/{entry.name}/{one['file']}",
             f"   :alt: {line}",
             f"   :target: {_PAGE}/{entry.name}.html",
+            *(["   :class: drawn"] if one["drawn"] else []),
             "",
         ]
         parts.append("\n".join(picture))

@@ -21,9 +21,10 @@ def table(
     return "\n".join([*lines, ""])
 
 
-def figure(path: str, caption: str, alt: str) -> str:
-    """Return a figure with its caption and what a screen reader says."""
-    return f".. figure:: {path}\n   :alt: {' '.join(alt.split())}\n\n   {plain(caption)}\n"
+def figure(path: str, caption: str, alt: str, *, drawn: bool = False) -> str:
+    """Return a figure with its caption and alternative text; a drawing has a dark variant."""
+    options = f"   :alt: {' '.join(alt.split())}\n" + "   :class: drawn\n" * drawn
+    return f".. figure:: {path}\n{options}\n   {plain(caption)}\n"
 
 
 def container(names: str, *parts: str) -> str:
