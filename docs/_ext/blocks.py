@@ -47,7 +47,7 @@ class Block:
 
     @property
     def path(self) -> str:
-        """What it is imported by."""
+        """Return the dotted path that imports it."""
         return f"{self.module}.{self.name}"
 
 

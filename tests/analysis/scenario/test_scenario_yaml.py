@@ -17,7 +17,7 @@ def test_an_alias_stands_for_its_value() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (BOMB, "line 1: more than 10000 values, aliases counted as often as they are used"),
+        (BOMB, "line 1: more than 10000 values, with each use of an alias counted"),
         ("&a [*a]", "line 1: more than 10000 values"),
         ("a: &a\n  <<: *a", "line 1: more than 10000 values"),
         ("!!timestamp abc", "line 1: could not determine a constructor for the tag"),

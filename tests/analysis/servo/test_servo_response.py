@@ -139,7 +139,7 @@ def test_behind_a_fast_camera_eq_2_is_that_of_fig_8(step: Outcome) -> None:
         assert outcome.metrics[f"pid_camera.{name}"].value == pytest.approx(expected, rel=0.1)
     for fast, verdict in ((outcome, "eq. (2) is stable"), (step, "eq. (2) diverges")):
         drawn = STEP_RESPONSE.plot(scenario, fast)["step-response"].axes[4]
-        assert drawn.get_title("left").endswith(verdict)
+        assert " ".join(drawn.get_title("left").split()).endswith(verdict)
 
 
 def test_the_pid_for_the_camera_bears_the_delay_that_it_is_said_to(step: Outcome) -> None:

@@ -65,7 +65,7 @@ def test_bulk_hangs_with_its_filler() -> None:
             for kind, state, item, message in (
                 ("wall_missing", "slew.over", 2, "^fault.item is 2, allowed: an item that meets"),
                 ("layer_missing", "slew.over", 3, "^fault.item is 3, .* wall or crown$"),
-                ("halt", "crown.land", 0, "^fault.state is 'crown.land', allowed: one th"),
+                ("halt", "crown.land", 0, "^fault.state is 'crown.land', allowed: a state that"),
             )
         ),
     ],
