@@ -340,7 +340,7 @@ def figures(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str
     heights = [0.34 * len(names) + 1.4, *([3.2] if slides else [])]
     figure = new_figure(
         height=sum(heights),
-        caption=f"Cycles that keep all limits: {known or 'unknown'}. Share of {scenario.trials} "
+        caption=f"Cycles that keep all limits: {known or 'unknown'}. Share of the "
         "randomised cycles within each limit, with 95 % intervals.",
     )
     columns = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
@@ -364,7 +364,7 @@ def _shares(
         )
         look = {"color": color, "markersize": 4}
         draw_intervals(axes, rows + offset, share, low, high, look, label)
-    title = f"Share of {trials} randomised cycles within each limit"
+    title = f"Share of {trials} randomised cycle{'s' * (trials != 1)} within each limit"
     dress(axes, title=title, x="share / %", y="")
     name_rows(axes, names)
     axes.set_xlim(-2, 102)

@@ -42,13 +42,10 @@ def keep(folder: Path) -> None:
     figures = []
     for name in document["figures"]:
         if name.endswith(".png"):
-            image = picture(folder / name)
-            file = f"{Path(name).stem}.webp"
-            files[file] = webp(image)
-            caption = document.get("captions", {}).get(name.replace(".png", ".svg"), "")
-            drawn = b"<image" not in (folder / name).with_suffix(".svg").read_bytes()
-            one = {"file": file, "caption": caption, "size": image.size, "drawn": drawn}
-            figures.append(one)
+            file, svg = (str(Path(name).with_suffix(ending)) for ending in (".webp", ".svg"))
+            files[file] = webp(picture(folder / name))
+            drawn = b"<image" not in (folder / svg).read_bytes()
+            figures.append({"file": file, "caption": document["captions"][svg], "drawn": drawn})
     if "replay" in document:
         files[STORED_REPLAY] = packed((folder / REPLAY).read_text(encoding="utf-8"))
     about = {name: document[name] for name in _KEPT}
@@ -87,6 +84,8 @@ def _encoded(image: Image.Image, **options: Any) -> bytes:
 def main(out: Path) -> None:
     """Keep the results of a folder, forget experiments that are gone, and say the size."""
     names = [entry.name for entry in CATALOGUE.entries]
+    if not any((out / name / RESULT).exists() for name in names):
+        raise SystemExit(f"gallery: no result in {out}, run chamfer reproduce --studies first")
     for name in names:
         document = read_result(path) if (path := out / name / RESULT).exists() else None
         if document is None:

@@ -198,6 +198,8 @@ def texts() -> Iterator[Text]:
 def main(arguments: Sequence[str]) -> int:
     """Print the breaches in the sources whose name begins as an argument says, or in all."""
     chosen = [one for one in texts() if not arguments or one.name.startswith(tuple(arguments))]
+    if not chosen:
+        raise SystemExit(f"prose: nothing begins with {' or '.join(arguments)}")
     found = [line for one in chosen for line in breaches(one)]
     for line in dict.fromkeys(found):
         print(line)

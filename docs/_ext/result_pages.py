@@ -43,9 +43,8 @@ def figures(name: str, result: Mapping[str, Any], *, most: int | None = None) ->
     """Yield an experiment's stored figures, the first ``most`` of them."""
     for one in result["figures"][:most]:
         title = one["file"].removesuffix(".webp").replace("-", " ")
-        caption = one["caption"] or f"{title[0].upper()}{title[1:]}."
-        alt = f"{title}: {sentence(caption)}" if one["caption"] else f"Figure of {name}: {title}"
-        yield figure(f"/gallery/{name}/{one['file']}", caption, alt, drawn=one["drawn"])
+        alt = f"{title}: {sentence(one['caption'])}"
+        yield figure(f"/gallery/{name}/{one['file']}", one["caption"], alt, drawn=one["drawn"])
 
 
 def checks(found: Sequence[Mapping[str, Any]], *, notes: bool) -> str:
@@ -110,7 +109,7 @@ def _card(entry: Entry) -> str:
     line = f"{entry.summary[0].upper()}{entry.summary[1:]}."
     parts = []
     for one in shown:
-        line = sentence(one["caption"]) or line
+        line = sentence(one["caption"])
         picture = [
             f".. image:: /gallery/{entry.name}/{one['file']}",
             f"   :alt: {line}",

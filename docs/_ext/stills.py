@@ -6,7 +6,6 @@ OUT (``out``) holds the result of ``chamfer run insertion``. Chromium draws the 
 window and without a graphics card.
 """
 
-import json
 import shutil
 import subprocess
 import sys
@@ -17,6 +16,8 @@ from typing import Final, NamedTuple
 from docs._ext.pictures import COMMANDS, DOCS, STILLS
 from PIL import Image, ImageDraw
 from PIL.PngImagePlugin import PngInfo
+
+from chamfer.analysis.report.results import REPLAY, RESULT, read_result
 
 TIME: Final = 5.45  # s, the peg is halfway in
 SIZE: Final = (1472, 640)  # px, twice the width of a page
@@ -78,8 +79,11 @@ def drawn(page: str, view: View) -> Image.Image:
 def main(out: Path) -> None:
     """Write the still, with the scenario that it was made from."""
     ((name, experiment),) = STILLS.items()
-    page = (out / experiment / "replay.html").read_text(encoding="utf-8")
-    result = json.loads((out / experiment / "result.json").read_text(encoding="utf-8"))
+    folder = out / experiment
+    if not (folder / REPLAY).exists():
+        raise SystemExit(f"stills: no {REPLAY} in {folder}, run chamfer run {experiment} first")
+    page = (folder / REPLAY).read_text(encoding="utf-8")
+    result = read_result(folder / RESULT)
     picture = Image.new("RGB", SIZE, "white")
     for view in (CELL, PEG):
         picture.paste(drawn(page, view), (view.left, 0))
