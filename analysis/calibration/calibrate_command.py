@@ -19,8 +19,8 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
         "OpenCV's distortion k1, k2, p1, p2, k3, and standard deviations under sd. For "
         "two cameras it has the pose of the right one in the left one's frame, in rad and"
         " m. Figures of the residuals of every corner are residuals.svg and "
-        "residuals.png. A picture is left out, with the reason, if it has no board, "
-        "another size, a duplicate, or an error above three times the median.",
+        "residuals.png. The command leaves out a picture, with the reason, if it shows no "
+        "board, has another size or an error above three times the median, or is a duplicate.",
         epilog="A camera's frame has z along the optical axis, x to the right and y down. The "
         "board's frame has z into the board, x along its rows and y down. Its origin is "
         "the first inner corner of a chessboard, or the outer corner of a ChArUco board's"

@@ -15,12 +15,12 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         "design",
         help="predict whether an insertion succeeds, what limits it and what to change",
         description="Checks camera, compensation, arms, support and parts as one chain. Each link "
-        "has"
-        " a need, an allowance and a margin in its own unit; the smallest margin limits "
-        "the design. The verdict is certain (all bounds are inside their limits), likely "
-        "(with the share of drawn errors that pass) or no. If it is certain, insertions "
-        "are simulated as a check. The answer also says how the smallest margin depends "
-        "on each field, and the smallest change, or two, that makes the design certain. "
+        "has a bound, an allowed value and a margin in its own unit; the smallest margin "
+        "limits the design. The verdict is certain (all bounds are inside their limits), "
+        "likely (with the share of drawn errors that pass) or no. If it is certain, the "
+        "command simulates insertions as a check. It also shows how the smallest margin "
+        "depends on each field, and the smallest change, or pair of changes, that makes "
+        "the design certain. "
         "Writes OUT/design-NAME: result.json, scenario.yaml, design.html (one page, one "
         "A4 sheet), and with --map map.parquet and its figure.",
         allow_abbrev=False,

@@ -34,7 +34,7 @@ def add_drive(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         type=_rate,
         default=str(_RATE),
         help="simulated seconds per second, at most 1 (default: "
-        f"{_RATE:g}), or {_LOCKSTEP}: it steps with the controller",
+        f"{_RATE:g}), or {_LOCKSTEP}: the robot steps with the controller",
     )
     drive.set_defaults(log=True, fresh=True, strict=False, workers=1, cluster=None)
     return drive

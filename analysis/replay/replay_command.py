@@ -16,10 +16,10 @@ def add_replay(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         "replay",
         help="feed a log to the same controllers again",
         description="Feeds logged observations to an experiment's controllers and compares their "
-        "commands with the logged ones. The log is of `chamfer run --log` or of a robot. "
-        "The scenario is the log's, unless you give a file; with --set you see the "
-        "commands of another scenario. A robot's log is Parquet or CSV with columns such "
-        "as 'observation.error[0] (m)'. Writes OUT/NAME/replay: result.json, a figure and"
+        "commands with the logged ones. The log comes from `chamfer run --log` or from a robot. "
+        "The scenario is the log's, unless you give a file; with --set you see what the "
+        "controllers would have commanded with other parameters. A robot's log is Parquet or "
+        "CSV with columns such as 'observation.error[0] (m)'. Writes OUT/NAME/replay: result.json, a figure and"
         " a table for each controller.",
     )
     replay.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
