@@ -19,8 +19,8 @@ def add_replay(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         "commands with the logged ones. The log comes from `chamfer run --log` or from a robot. "
         "The scenario is the log's, unless you give a file; with --set you see what the "
         "controllers would have commanded with other parameters. A robot's log is Parquet or "
-        "CSV with columns such as 'observation.error[0] (m)'. Writes OUT/NAME/replay: result.json, a figure and"
-        " a table for each controller.",
+        "CSV with columns such as 'observation.error[0] (m)'. Writes OUT/NAME/replay: "
+        "result.json, a figure and a table for each controller.",
     )
     replay.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     replay.add_argument("log", type=Path, metavar="LOG", help="a log, or a folder of logs")
